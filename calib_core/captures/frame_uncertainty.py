@@ -15,7 +15,7 @@ from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import calibration_of, plane_of
 from calib_core.chain.held import Held
 from calib_core.chain.moved import OpticsError, OpticsSource, shift_by
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.whole import ChainSolution
 from calib_core.chain.with_optics import chain_with_optics, with_optics
 from calib_core.estimation import covariance_of
@@ -48,15 +48,15 @@ def with_calibration_uncertainty(session: Session, read: ReadFile, solution: Tcp
     read : callable
     solution : TcpSolution
     """
-    captures = solution.captures
-    errors = _errors(session, read, solution.held, captures, solution.seen_in_laser_mm)
+    captures = solution.each.ids
+    errors = _errors(session, read, solution.held, captures, solution.in_view.seen_mm)
     return with_optics(solution, errors) if errors else solution
 
 
 def chain_with_calibration_uncertainty(session: Session, read: ReadFile, solution: ChainSolution) -> ChainSolution:
     """Return the same of the whole chain."""
-    captures = [*solution.tcp.captures, *solution.turntable.captures]
-    errors = _errors(session, read, solution.tcp.held, captures, solution.tcp.seen_in_laser_mm)
+    captures = [*solution.tcp.each.ids, *solution.turntable.captures]
+    errors = _errors(session, read, solution.tcp.held, captures, solution.tcp.in_view.seen_mm)
     return chain_with_optics(solution, errors) if errors else solution
 
 

@@ -55,7 +55,7 @@ def table_data(
     for axis in layout.carrying:
         data = data.holding(layout.scale(axis), not options.scale_asked(axis))
     if tool.sought:
-        return tool.sought.shifts.holding(data)
+        return tool.sought.left_open.shifts.holding(data)
     for n, axis in enumerate(layout.axes):
         if axis.carries == "robot":  # known with the tool, or never moved
             data = data.holding(layout.axis(n))

@@ -10,7 +10,7 @@ from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.table_start import Mounts
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.variance import GivenSigmas
 from calib_core.frames import RigidTransform
 

@@ -5,26 +5,23 @@ covariance, residuals, leave-one-out, undetermined directions, and the paper's t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from calib_core.arms.errors import ArmTerm
-from calib_core.cell.layout import KnownDistance, Layout, MovedAxis
-from calib_core.chain.answer import Answer, answer_of
-from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
+from calib_core.chain.answer import answer_of
+from calib_core.chain.arm_model import arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.bend import Bends, doubted, straightened
-from calib_core.chain.chain_data import ChainData, Sigmas
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.foot_start import on_foot
 from calib_core.chain.held import Held, hold_files
-from calib_core.chain.incidents import Happened, named_causes
-from calib_core.chain.influence import Influence, influence_of
+from calib_core.chain.incidents import named_causes
+from calib_core.chain.influence import influence_of
 from calib_core.chain.leave_one_out import WithoutOne, without_each
 from calib_core.chain.model import ChainState
-from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import (
     Observations,
     SphereObservation,
@@ -36,162 +33,33 @@ from calib_core.chain.observations import (
 from calib_core.chain.paper import by_paper
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, judge_from, with_doubted_priors, with_more_spread
-from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.scanner import corrected as without_errors
 from calib_core.chain.several_starts import main_balls, moving_axes, starts_of, together, with_other_balls
 from calib_core.chain.sides import likeliest_sides
 from calib_core.chain.start import centers_of
-from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span
-from calib_core.chain.undetermined import OpenDirection, open_directions
+from calib_core.chain.tcp_given import TcpGiven, TcpOptions
+from calib_core.chain.tcp_solution import (
+    BesideModel,
+    EachCapture,
+    InView,
+    LeftOpen,
+    SidesChosen,
+    TcpNoise,
+    TcpSolution,
+    TwoStep,
+)
+from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, orientation_span
+from calib_core.chain.undetermined import open_directions
 from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
-from calib_core.chain.warm_up import WarmUp, warm_up_of
-from calib_core.chain.without_turns import OpenShifts, open_shifts
+from calib_core.chain.warm_up import warm_up_of
+from calib_core.chain.without_turns import open_shifts
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
-from calib_core.messages import Value, plural
+from calib_core.messages import plural
 
 Progress = Callable[[float, str], None]
 LEAST_CAPTURES = 5
 _SAME_POSE_MM = 0.05
-
-
-@dataclass(frozen=True)
-class TcpOptions:
-    """Standard deviations that the user fixes (None: estimated), and what is believed of the scanner.
-
-    `apply_scanner`: scale, shear and bow that are found are taken out of the points, and the tool is that of such
-    points; otherwise it belongs to the files as they are, and the errors are in its covariance alone.
-    `arm_terms`: those that observations' `arm_moves` are of; `apply_arm`: the arm's errors are taken out of the
-    poses where other poses are predicted better by that, and the tool is that of such poses.
-    `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
-    deviations of their readings, rad or mm.  `distances`: told ones of balls.
-    """
-
-    position_sigma_mm: float | None = None
-    orientation_sigma_rad: float | None = None
-    point_sigma_mm: float | None = None
-    priors: ScannerPriors = field(default_factory=ScannerPriors)
-    apply_scanner: bool = False
-    taken_at_s: tuple[tuple[str, float], ...] = ()
-    axes: tuple[MovedAxis, ...] = ()
-    axis_sigmas: tuple[float | None, ...] = ()
-    arm_terms: tuple[ArmTerm, ...] = ()
-    apply_arm: bool = False
-    distances: tuple[KnownDistance, ...] = ()
-
-    def sigmas_of(self, layout: Layout) -> list[float | None]:
-        """Return what is told of the readings of some of the axes."""
-        told = dict(zip((axis.name for axis in self.axes), self.axis_sigmas, strict=True))
-        return [told[axis.name] for axis in layout.axes]
-
-
-@dataclass(frozen=True, eq=False)
-class TcpSolution:
-    """The TCP with its evidence.
-
-    Attributes
-    ----------
-    joint : Answer
-        The joint maximum likelihood: the answer.
-    covariance : (9, 9)
-        rx ry rz tx ty tz of mount_from_laser, the sphere's centre.
-    held : Held
-        What was found of the scanner, whether the tool has it, and how both are correlated.
-    sigmas : Sigmas
-        Pose scatter, given or estimated.
-    point_sigma_mm : float or None
-        Noise of a profile's point, given or from the fits.
-    measured_point_sigma_mm : float or None
-        From the fits alone.
-    captures, used, sides, reasons, squared_distance
-        Per capture: id, whether used, the sign of y (0: none), why not, Mahalanobis distance² from the others.
-    excess : float
-        By how much the captures scatter more than the sigmas say (variance ratio).
-    undetermined, weak : lists of OpenDirection
-    shifts : OpenShifts
-        Along which the scanner's place is open, as nothing turned.
-    two_step : Answer or None
-        The paper's method on the same captures.
-    two_step_covariance, two_step_beside_joint : (6, 6) or None
-        Of that answer, and of how it differs from the joint one.
-    two_step_answer : TwoStepAnswer
-        Its groups of pure translations, or the reason why there is no answer.
-    rival_scatter_mm, start_scatter_mm
-        How well the best other choice of sides would fit, beside the chosen one.
-    sides_log_odds : float or None
-        By how much (natural logarithm) all points find the chosen sides likelier than others; None: not in doubt.
-    weights : (K,)
-        By how much a capture's pose counts less than that of one that lies well, 1 … 0.
-    influence : Influence
-        How the answer would move without each capture.
-    points_per_independent : float
-        How many of a capture's points say as much as an independent one (median).
-    causes : list of Happened
-        What happened to the captures, where one cause explains several.
-    warm_up : WarmUp or None
-        How far scanner or sphere drifted meanwhile.
-    bends : tuple of Bend
-        Of sheets of light, where the captures show it.
-    unmodelled : Unmodelled or None
-        What the answer has no room for, beyond chance.
-    sphere : SphereSize
-        As told or assumed.
-    seen_in_laser_mm, at_point : (3,), (3, 3)
-        `seen_point`, and the covariance of a point that is measured there, along the flange's axes, mm and mm².
-    at_workpiece : (3, 3)
-        The same in base as the arm tells it.
-    arm : ArmModel or None
-        The arm's own errors, where its joints are known.
-    as_told : Held or None
-        The answer for the controller's own poses, where those of this one are corrected by the arm's errors.
-    optics : tuple of OpticsError
-        What camera and plane of light put into it, where the session's own frames gave them.
-    """
-
-    joint: Answer
-    covariance: FloatArray
-    held: Held
-    sigmas: Sigmas
-    point_sigma_mm: float | None
-    measured_point_sigma_mm: float | None
-    captures: list[str]
-    points: list[int]
-    used: np.ndarray
-    sides: np.ndarray
-    zones: list[float | None]
-    reasons: dict[str, dict[str, Value]]
-    squared_distance: FloatArray
-    excess: float
-    undetermined: list[OpenDirection]
-    weak: list[OpenDirection]
-    shifts: OpenShifts
-    two_step: Answer | None
-    two_step_covariance: FloatArray | None
-    two_step_beside_joint: FloatArray | None
-    two_step_answer: TwoStepAnswer
-    rival_scatter_mm: float | None
-    sides_log_odds: float | None
-    start_scatter_mm: float
-    weights: FloatArray
-    influence: Influence
-    points_per_independent: float
-    causes: list[Happened]
-    warm_up: WarmUp | None
-    bends: Bends
-    unmodelled: Unmodelled | None
-    sphere: SphereSize
-    seen_in_laser_mm: FloatArray
-    at_point: FloatArray
-    at_workpiece: FloatArray
-    options: TcpOptions
-    optics: tuple[OpticsError, ...] = ()
-    arm: ArmModel | None = None
-    as_told: Held | None = None
-
-    @property
-    def stated_mm(self) -> float:
-        """How far off a point measured at the workpiece may be in the worst direction (k = 2)."""
-        return 2 * float(np.sqrt(np.linalg.eigvalsh(self.at_point)[-1]))
 
 
 def solve_tcp(
@@ -276,49 +144,45 @@ def solve_tcp(
     paper, paper_answer, paper_covariance = by_paper(seen, sphere, judged, held, sides)
 
     tell(0.95, "Looking for causes")
-    covariance = held.covariance
     point = seen_point(data, state, judged.used)
     warm_up = warm_up_of(observations, judged, dict(options.taken_at_s))
     causes = named_causes(observations, judged, joint.offset_mm, given)
     if warm_up is not None and warm_up.found:  # a drift explains them better than any sudden change
         causes = [cause for cause in causes if cause.kind not in ("moved-sphere", "changed-tool")]
-    return TcpSolution(
-        joint=joint,
-        covariance=covariance[:9, :9],
-        held=held,
+    noise = TcpNoise(
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
         measured_point_sigma_mm=measured_sigma,
-        captures=[o.capture for o in observations],
+        points_per_independent=float(np.median([o.points_per_independent for o in observations])),
+    )
+    each = EachCapture(
+        ids=[o.capture for o in observations],
         points=[len(o.points_in_laser_mm) for o in observations],
         used=judged.used,
         sides=sides,
         zones=[o.circle_radius_mm and o.circle_radius_mm / state.radius_mm for o in seen],
         reasons=rejection_reasons(observations, judged.used, judged.squared_distance, joint.offset_mm),
         squared_distance=judged.squared_distance,
-        excess=judged.excess,
-        undetermined=open_directions(held.by_motions(point)),
-        weak=open_directions(held.by_motions(point), tolerance=0.2),
-        shifts=shifts,
-        two_step=paper,
-        two_step_covariance=paper_covariance and paper_covariance[0],
-        two_step_beside_joint=paper_covariance and paper_covariance[1],
-        two_step_answer=paper_answer,
-        rival_scatter_mm=starts[0][0].rival_scatter_mm,
-        sides_log_odds=chosen.log_odds,
-        start_scatter_mm=start.scatter_mm,
         weights=data.pose_scale / judged.data.pose_scale,
         influence=influence_of(held, without, judged.used, point),
-        points_per_independent=float(np.median([o.points_per_independent for o in observations])),
-        causes=causes,
-        warm_up=warm_up,
-        bends=bends,
-        unmodelled=lag,
-        sphere=sphere,
-        seen_in_laser_mm=point,
-        at_point=held.at_point(point, data.half_width_mm),
-        at_workpiece=held.at_workpiece(point, data.half_width_mm),
-        options=options,
+        side_choice=SidesChosen(starts[0][0].rival_scatter_mm, start.scatter_mm, chosen.log_odds),
+    )
+    free = held.by_motions(point)
+    return TcpSolution(
+        joint=joint,
+        covariance=held.covariance[:9, :9],
+        held=held,
+        noise=noise,
+        each=each,
+        left_open=LeftOpen(open_directions(free), open_directions(free, tolerance=0.2), shifts),
+        by_two_steps=TwoStep(paper, *(paper_covariance or (None, None)), paper_answer),
+        beside=BesideModel(judged.excess, causes, warm_up, bends, lag),
+        in_view=InView(
+            seen_mm=point,
+            at_point=held.at_point(point, data.half_width_mm),
+            at_workpiece=held.at_workpiece(point, data.half_width_mm),
+        ),
+        given=TcpGiven(sphere, options),
         arm=arm,
         as_told=as_told,
     )

@@ -47,15 +47,8 @@ from calib_core.chain.table_given import KnownTool, TurntableOptions
 from calib_core.chain.table_judging import EncoderScales, judge_table
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_tool import ToolMove, with_tool_move
-from calib_core.chain.tcp import (
-    Progress,
-    TcpSolution,
-    as_corrected,
-    left_out_states,
-    say_nothing,
-    seen_point,
-    sides_of,
-)
+from calib_core.chain.tcp import Progress, as_corrected, left_out_states, say_nothing, seen_point, sides_of
+from calib_core.chain.tcp_solution import EachCapture, InView, LeftOpen, TcpSolution
 from calib_core.chain.turntable import TurntableSolution, mirror_of, paper_circles
 from calib_core.chain.undetermined import open_directions
 from calib_core.frames import FloatArray
@@ -138,12 +131,12 @@ def solve_chain(
     spheres, (judged, encoders), image, point_sigma = _judge(
         tcp_observations, table_observations, sphere, tcp, turntable, options, late
     )
-    tcp = replace(tcp, bends=by_all(judged, tcp.bends))
+    tcp = replace(tcp, beside=replace(tcp.beside, bends=by_all(judged, tcp.beside.bends)))
     errors = table_errors_of(judged, len(table_observations), turntable.pattern)
-    judged = with_more_spread(doubted(judged, tcp.bends), errors.spread)
+    judged = with_more_spread(doubted(judged, tcp.beside.bends), errors.spread)
 
     tell(0.8, "Comparing with the stages' own answers")
-    unmoved = hold_files(judged, tcp.options.apply_scanner)
+    unmoved = hold_files(judged, tcp.given.options.apply_scanner)
     if tcp.arm is not None and tcp.arm.applied:
         arm, spheres, judged, unmoved = settled(tcp.arm, spheres, judged, unmoved)
         tcp = replace(tcp, arm=arm)
@@ -215,8 +208,8 @@ def _judge(
     data = chain_data(spheres, sphere, point_sigma, options.priors, layout)
     repeated = visits_of(data.chosen(np.arange(data.count) < still))
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
-    data = tcp.shifts.holding(data)
-    data = replace(data, distances=layout.apart(tcp.options.distances or options.distances))
+    data = tcp.left_open.shifts.holding(data)
+    data = replace(data, distances=layout.apart(tcp.given.options.distances or options.distances))
     for axis, encoder in turntable.encoders.items():
         data = data.holding(layout.scale(axis), not encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position
@@ -224,7 +217,7 @@ def _judge(
         np.array([*one.mount_rotations, *(own.rotation for own in late)]),
         np.array([*one.mount_translations, *(own.translation for own in late)]),
     )
-    of_tcp = (one.places, tcp.used) if still else (one.places[:0], tcp.used[:0])
+    of_tcp = (one.places, tcp.each.used) if still else (one.places[:0], tcp.each.used[:0])
     places = np.concatenate([of_tcp[0], other.places, *(own.places for own in late)])
     start = ChainState.at(data, Position(*mounts, places, other.axes))
     known = np.zeros(len(data.nuisance_sigmas))
@@ -233,7 +226,7 @@ def _judge(
     if tcp.arm is not None and tcp.arm.applied:
         data = with_open_arm(data, start, spheres, tcp.arm)
     core = np.concatenate([of_tcp[1], turntable.used, *(own.core for own in late)])
-    spheres, data = unbent(spheres, data, start, tcp.bends)
+    spheres, data = unbent(spheres, data, start, tcp.beside.bends)
 
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
         return judge_table(spheres, data, there, core, options.sigmas, options.scale_asked)
@@ -261,28 +254,32 @@ def _tcp_part(
     point = seen_point(data, state, used)
     squared = judged.squared_distance[:count]
     at_rest, follows = _ball_at_rest(data, held)
+    free = held.by_motions(point)
     return replace(
         alone,
-        captures=[o.capture for o in observations],
-        points=[len(o.points_in_laser_mm) for o in observations],
-        zones=[o.circle_radius_mm and o.circle_radius_mm / state.radius_mm for o in seen],
         joint=replace(joint, center_mm=at_rest),
         covariance=follows @ held.covariance @ follows.T,
         held=held,
-        sigmas=judged.fit.sigmas,
-        point_sigma_mm=point_sigma,
-        used=used,
-        sides=sides,
-        reasons=rejection_reasons(observations, used, squared, joint.offset_mm),
-        squared_distance=squared,
-        excess=judged.excess,
-        influence=influence_of(held, without, used, point),
-        seen_in_laser_mm=point,
-        at_point=held.at_point(point, judged.data.half_width_mm),
-        at_workpiece=held.at_workpiece(point, judged.data.half_width_mm),
-        weights=np.minimum(1 / judged.data.pose_scale[:count], 1.0),
-        undetermined=open_directions(held.by_motions(point)),
-        weak=open_directions(held.by_motions(point), tolerance=0.2),
+        noise=replace(alone.noise, sigmas=judged.fit.sigmas, point_sigma_mm=point_sigma),
+        each=EachCapture(
+            ids=[o.capture for o in observations],
+            points=[len(o.points_in_laser_mm) for o in observations],
+            used=used,
+            sides=sides,
+            zones=[o.circle_radius_mm and o.circle_radius_mm / state.radius_mm for o in seen],
+            reasons=rejection_reasons(observations, used, squared, joint.offset_mm),
+            squared_distance=squared,
+            weights=np.minimum(1 / judged.data.pose_scale[:count], 1.0),
+            influence=influence_of(held, without, used, point),
+            side_choice=alone.each.side_choice,
+        ),
+        left_open=LeftOpen(open_directions(free), open_directions(free, tolerance=0.2), alone.left_open.shifts),
+        beside=replace(alone.beside, excess=judged.excess),
+        in_view=InView(
+            seen_mm=point,
+            at_point=held.at_point(point, judged.data.half_width_mm),
+            at_workpiece=held.at_workpiece(point, judged.data.half_width_mm),
+        ),
     )
 
 
@@ -316,7 +313,7 @@ def _table_part(
     frame = frame_by_rule(state.table, options.direction)
     residuals = table_residuals(observations, walk, state, frame)
     used = judged.used[-count:]
-    two_step = tcp.two_step.mount_from_laser if tcp.two_step else None
+    two_step = tcp.by_two_steps.answer.mount_from_laser if tcp.by_two_steps.answer else None
     all_known = len(tcp.held.state.walk.layout.mounts) == len(state.walk.layout.mounts)
     tool = KnownTool(tcp.joint.mount_from_laser, tcp.held if all_known else held, two_step)
     size = judged.data.walk.layout.axis_and_places(judged.data.walk.layout.table)

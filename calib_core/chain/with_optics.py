@@ -8,20 +8,19 @@ import numpy as np
 from calib_core.chain.held import Held
 from calib_core.chain.moved import OpticsError, at_point_by, spread_of
 from calib_core.chain.table_frame import frame_covariance
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.whole import ChainSolution
 
 
 def with_optics(solution: TcpSolution, errors: Sequence[OpticsError]) -> TcpSolution:
     """Return a tool whose covariances have errors of camera and plane of light."""
-    held, more = _wider(solution.held, errors), at_point_by(solution.held, errors)
+    view, (held, more) = solution.in_view, (_wider(solution.held, errors), at_point_by(solution.held, errors))
     return replace(
         solution,
         covariance=held.covariance[:9, :9],
         held=held,
-        at_point=solution.at_point + more,
-        at_workpiece=solution.at_workpiece + more,
-        optics=tuple(errors),
+        in_view=replace(view, at_point=view.at_point + more, at_workpiece=view.at_workpiece + more),
+        beside=replace(solution.beside, optics=tuple(errors)),
     )
 
 

@@ -14,7 +14,7 @@ from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 
 if TYPE_CHECKING:
     from calib_core.chain.late_scanner import LateScanner
-    from calib_core.chain.tcp import TcpSolution
+    from calib_core.chain.tcp_solution import TcpSolution
     from calib_core.chain.turntable import TurntableSolution
     from calib_core.fusion.crew import Crew, MergeOptions
     from calib_core.graph.keys import Graph

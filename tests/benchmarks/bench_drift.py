@@ -6,7 +6,7 @@ import numpy as np
 from cells import GIVEN, Cell
 from harness import Row
 
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.warm_up import WarmUp
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform, skew
@@ -79,7 +79,7 @@ def warm_up(trouble: Trouble, seed: int) -> WarmUp | None:
     """Return what the tcp's solution says of drift within a troubled session."""
     cell = troubled(trouble, seed, told=bool(seed % 2))
     solution = solve_tcp_captures(stage_input(cell.session, "tcp", cell.files.__getitem__)).solution
-    return solution.warm_up
+    return solution.beside.warm_up
 
 
 def solved(cells: range, sessions: int) -> list[Row]:

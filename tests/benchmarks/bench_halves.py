@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.tcp import TcpSolution, solve_tcp
+from calib_core.chain.tcp import solve_tcp
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session, parse_session

@@ -8,7 +8,7 @@ from harness import Row
 
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Session
 from calib_core.simulation import SimulatedSession, retake

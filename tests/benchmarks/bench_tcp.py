@@ -69,7 +69,9 @@ def _coverage(errors: np.ndarray, covariances: np.ndarray) -> Row:
 
 def _two_steps(cells: list[Cell], solutions: list, errors: np.ndarray) -> Row:
     paper = np.array([
-        c.error(s.two_step.mount_from_laser) for c, s in zip(cells, solutions, strict=True) if s.two_step
+        c.error(s.by_two_steps.answer.mount_from_laser)
+        for c, s in zip(cells, solutions, strict=True)
+        if s.by_two_steps.answer
     ])  # fmt: skip
     ratio = rms(paper[:, TURN]) / rms(errors[:, TURN])
     text = f"{ratio:.2f} (two steps {np.rad2deg(rms(paper[:, TURN])):.3f}°, {rms(paper[:, SHIFT]):.3f} mm)"
@@ -82,7 +84,7 @@ def rejection(seeds: range) -> list[Row]:
     rows: list[Row] = []
     cells = [Cell.of("tcp-spoiled", seed) for seed in seeds]
     for name, options in (("given", GIVEN), ("estimated", ESTIMATED)):
-        used = [cell.solve(options).used for cell in cells]
+        used = [cell.solve(options).each.used for cell in cells]
         both = float(np.mean([not u[c.spoiled].any() for u, c in zip(used, cells, strict=True)]))
         clean = float(np.mean([u[~c.spoiled].all() for u, c in zip(used, cells, strict=True)]))
         rows += [

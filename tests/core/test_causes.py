@@ -173,7 +173,8 @@ def test_a_cause_is_named_by_its_id_kind_or_place(cell: Measured) -> None:
 def test_a_moved_sphere_leaves_out_the_smaller_part(cell: Measured) -> None:
     from dataclasses import replace
 
-    from calib_core.chain.tcp import TcpOptions, solve_tcp
+    from calib_core.chain.tcp import solve_tcp
+    from calib_core.chain.tcp_given import TcpOptions
 
     moved = [
         replace(
@@ -185,7 +186,7 @@ def test_a_moved_sphere_leaves_out_the_smaller_part(cell: Measured) -> None:
         for o, shift in zip(cell.observations, [np.zeros(3)] * 9 + [np.array([4.0, 0.0, 1.0])] * 5, strict=True)
     ]
     options = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
-    found = solve_tcp(moved, cell.sphere, options).causes[0]
+    found = solve_tcp(moved, cell.sphere, options).beside.causes[0]
     found = causes_of([incident_finding(found, cell.session.captures)])[0]
     assert found.kind == "moved-sphere"
     assert found.changes is not None

@@ -10,7 +10,8 @@ from calib_core.captures.observe import observe_capture
 from calib_core.cell.walk import Carriers
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
-from calib_core.chain.tcp import TcpOptions, solve_tcp
+from calib_core.chain.tcp import solve_tcp
+from calib_core.chain.tcp_given import TcpOptions
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.advice import advice_in, inputs_of, inputs_read, tcp_advice
 from calib_core.guidance.candidates import Room, candidates
@@ -62,7 +63,7 @@ def test_what_is_predicted_for_poses_is_what_the_solve_states_of_them(seed: int)
     options = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
     solved = solve_tcp(observed, SphereSize(40.0), options)
     tool, center = solved.joint.mount_from_laser, solved.joint.center_mm
-    assumed = Assumed(SphereSize(40.0), tool, center, solved.sigmas, solved.seen_in_laser_mm)
+    assumed = Assumed(SphereSize(40.0), tool, center, solved.noise.sigmas, solved.in_view.seen_mm)
     planned = [
         SIGHT.observation(
             o.capture, o.base_from_tool0, (o.base_from_tool0 @ tool).inverse().apply(center), RADIUS_MM
@@ -74,7 +75,7 @@ def test_what_is_predicted_for_poses_is_what_the_solve_states_of_them(seed: int)
     promised = np.sqrt(np.diag(design.tool(every)))
     stated = np.sqrt(np.diag(solved.covariance)[:6])
     np.testing.assert_allclose(promised, stated, rtol=0.1)
-    at_part = worst_sigma_mm(design.workpiece(every)) / worst_sigma_mm(solved.at_workpiece)
+    at_part = worst_sigma_mm(design.workpiece(every)) / worst_sigma_mm(solved.in_view.at_workpiece)
     assert at_part == pytest.approx(1.0, abs=0.1)
 
 

@@ -123,7 +123,7 @@ def alone(cell: Cell) -> ChainSolution:
 @pytest.fixture(scope="module")
 def whole(cell: Cell, alone: ChainSolution) -> ChainSolution:
     count = len(cell.still) + len(cell.turning)
-    point = alone.tcp.seen_in_laser_mm
+    point = alone.tcp.in_view.seen_mm
     errors = optics_errors(alone.tcp.held, np.ones(count, dtype=bool), cell.optics, cell.directions(), point)
     return chain_with_optics(alone, errors)
 
@@ -166,8 +166,8 @@ def test_directions_are_the_whole_covariance(cell: Cell, alone: ChainSolution, w
     expected = slopes @ cell.covariance @ slopes.T
     added = whole.tcp.held.covariance - held.covariance
     assert added[:6, :6] == pytest.approx(expected[:6, :6], rel=0.05, abs=0.02 * np.abs(expected[3:6, 3:6]).max())
-    assert spread_of(whole.tcp.optics, size) == pytest.approx(added)
-    assert [error.source for error in whole.tcp.optics] == ["camera"] * 5 + ["plane"] * 3
+    assert spread_of(whole.tcp.beside.optics, size) == pytest.approx(added)
+    assert [error.source for error in whole.tcp.beside.optics] == ["camera"] * 5 + ["plane"] * 3
 
 
 def test_a_scan_errs_with_the_tool_that_the_same_optics_gave(cell: Cell, whole: ChainSolution) -> None:
@@ -181,7 +181,7 @@ def test_a_scan_errs_with_the_tool_that_the_same_optics_gave(cell: Cell, whole: 
     flange = (table @ turn).apply(PLACE_MM) - view.rotation @ tool.apply(seen)
     by_unknowns = whole.turntable.covariance.pose_by_unknowns
     size = slice(9, 9 + by_unknowns.shape[1])
-    for column, error in zip(rows.T[-len(whole.tcp.optics) :], whole.tcp.optics, strict=True):
+    for column, error in zip(rows.T[-len(whole.tcp.beside.optics) :], whole.tcp.beside.optics, strict=True):
         other = tool.perturbed(error.step[:6] * small)
         found = view.rotation @ other.apply(seen + error.point_mm * small) + flange
         moved = table.perturbed(by_unknowns @ error.step[size] * small)
@@ -206,7 +206,7 @@ def test_the_budget_tells_camera_and_plane(cell: Cell, alone: ChainSolution, who
     assert 2 * np.sqrt(np.linalg.eigvalsh(one[0])[-1]) == pytest.approx(apiece.uncertainty_mm, rel=1e-9)
     assert 2 * np.sqrt(np.linalg.eigvalsh(many[0])[-1]) == pytest.approx(apiece.shared_uncertainty_mm, rel=1e-9)
     # Where the sphere was seen, tool and points largely cancel.
-    added = whole.tcp.at_point - alone.tcp.at_point
-    tool = spread_of(whole.tcp.optics, len(whole.tcp.held.covariance))[3:6, 3:6]
+    added = whole.tcp.in_view.at_point - alone.tcp.in_view.at_point
+    tool = spread_of(whole.tcp.beside.optics, len(whole.tcp.held.covariance))[3:6, 3:6]
     assert np.linalg.eigvalsh(added)[0] > -1e-12
     assert np.trace(added) < np.trace(tool)

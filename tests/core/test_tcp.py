@@ -10,7 +10,9 @@ from cells import ESTIMATED, GIVEN, SPHERE, Cell
 
 from calib_core.chain.answer import surface_distances
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
+from calib_core.chain.tcp import solve_tcp
+from calib_core.chain.tcp_given import TcpOptions
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.findings import judgement, reasons_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.verdict import tcp_findings
@@ -54,7 +56,7 @@ def test_every_kind_of_capture_gives_the_truth_within_its_uncertainty(scenario: 
     off = solution.joint.center_mm - np.array(of.simulated.truth["sphere_center_in_base_mm"])
     assert squared(off, solution.covariance[6:9, 6:9]) < 21.1  # χ² of 3 at 1e-4
     sides = of.simulated.truth["sides"]
-    assert {c: int(s) for c, s in zip(solution.captures, solution.sides, strict=True) if s} == sides
+    assert {c: int(s) for c, s in zip(solution.each.ids, solution.each.sides, strict=True) if s} == sides
     assert told(solution)[0] != "fail"
 
 
@@ -69,10 +71,10 @@ def test_the_stated_uncertainty_is_not_idle() -> None:
 @pytest.mark.thorough
 def test_sigmas_are_estimated_as_they_are() -> None:
     solutions = [cell("tcp", seed).solve(ESTIMATED) for seed in range(10)]
-    assert np.mean([s.point_sigma_mm for s in solutions]) == pytest.approx(0.02, rel=0.05)
+    assert np.mean([s.noise.point_sigma_mm for s in solutions]) == pytest.approx(0.02, rel=0.05)
     # A position's scatter is known to some 20 % from one session of 14 captures, and mixes with orientation's.
     arm_mm = 300.0
-    pooled = [np.hypot(s.sigmas.position_mm, arm_mm * s.sigmas.orientation_rad) for s in solutions]
+    pooled = [np.hypot(s.noise.sigmas.position_mm, arm_mm * s.noise.sigmas.orientation_rad) for s in solutions]
     assert np.exp(np.mean(np.log(pooled))) == pytest.approx(np.hypot(0.05, arm_mm * 2e-4), rel=0.25)
 
 
@@ -81,11 +83,13 @@ def test_sigmas_are_estimated_as_they_are() -> None:
 def test_leave_one_out_is_that_of_a_true_solve_without_the_capture(scenario: str, options: TcpOptions) -> None:
     of = cell(scenario, 4)
     whole = of.solve(options)
-    hold = TcpOptions(whole.sigmas.position_mm, whole.sigmas.orientation_rad, whole.point_sigma_mm)
+    hold = TcpOptions(
+        whole.noise.sigmas.position_mm, whole.noise.sigmas.orientation_rad, whole.noise.point_sigma_mm
+    )
     for k in (0, 5, 11):
         others = [o for n, o in enumerate(of.observations) if n != k]
         alone = solve_tcp(others, SPHERE, hold)
-        assert alone.used.all()
+        assert alone.each.used.all()
         left_out = of.observations[k]
         expected = (left_out.base_from_tool0 @ alone.joint.mount_from_laser).inverse().apply(alone.joint.center_mm)
         distances = surface_distances(left_out, expected, SPHERE.radius_mm)
@@ -99,7 +103,7 @@ def test_the_order_of_captures_does_not_matter() -> None:
     of = cell("tcp-spoiled", 3)
     forward, backward = of.solve(GIVEN), solve_tcp(of.observations[::-1], SPHERE, GIVEN)
     sigmas = np.sqrt(np.diag(forward.covariance)[:6])
-    np.testing.assert_array_equal(forward.used, backward.used[::-1])
+    np.testing.assert_array_equal(forward.each.used, backward.each.used[::-1])
     difference = forward.joint.mount_from_laser.difference(backward.joint.mount_from_laser)
     np.testing.assert_allclose(difference / sigmas, 0, atol=0.05)
 
@@ -123,8 +127,8 @@ def test_a_wrong_pose_names_its_twin_and_a_moved_sphere_its_distance(options: Tc
     of = cell("tcp-spoiled", 5)
     solution = of.solve(options)
     faults = of.simulated.truth["faults"]
-    assert not solution.used[of.spoiled].any()
-    assert solution.used[~of.spoiled].all()
+    assert not solution.each.used[of.spoiled].any()
+    assert solution.each.used[~of.spoiled].all()
     reasons = reasons_of(tcp_findings(solution))
     pose_of = {c.id: c.pose for c in of.simulated.session.captures}
     for name, fault in faults.items():
@@ -135,7 +139,7 @@ def test_a_wrong_pose_names_its_twin_and_a_moved_sphere_its_distance(options: Tc
         else:
             stated = float(reason.split("appears ")[1].split(" mm")[0])
             assert stated == pytest.approx(3.0, abs=0.6)  # along y a profile tells less
-    assert all((name in reasons) != used for name, used in zip(solution.captures, solution.used, strict=True))
+    assert all((name in reasons) != used for name, used in zip(solution.each.ids, solution.each.used, strict=True))
     verdict, warnings = told(solution)
     assert verdict == "warn"
     assert all(name in " ".join(warnings) for name in faults)
@@ -156,9 +160,9 @@ def shifted(observations: Sequence[SphereObservation], which: Sequence[int], off
 def test_a_sphere_that_moved_for_good_is_said_with_when(which: Sequence[int], said: str) -> None:
     of = cell("tcp", 7)
     solution = solve_tcp(shifted(of.observations, which, [2.0, -1.5, 1.0]), SPHERE, GIVEN)
-    assert np.flatnonzero(~solution.used).tolist() == list(which)
-    assert [cause.kind for cause in solution.causes] == ["moved-sphere"]
-    moved = solution.causes[0].values
+    assert np.flatnonzero(~solution.each.used).tolist() == list(which)
+    assert [cause.kind for cause in solution.beside.causes] == ["moved-sphere"]
+    moved = solution.beside.causes[0].values
     assert f"{moved['when']} {moved['capture']}" == said
     assert moved["shift_mm"] == pytest.approx(2.7, abs=0.5)
     verdict, warnings = told(solution)
@@ -172,9 +176,9 @@ def test_sigmas_given_far_too_small_make_nothing_too_certain(seed: int) -> None:
     of = cell("tcp", seed)
     solution = of.solve(TcpOptions(0.005, 1e-5, 0.02))
     assert squared_error(of, solution) < 2 * CHI2_6_RARE  # as told they would make it some hundred
-    found = max(solution.sigmas.position_mm, solution.sigmas.alike_position_mm)
+    found = max(solution.noise.sigmas.position_mm, solution.noise.sigmas.alike_position_mm)
     assert found > 0.015
-    assert solution.used.sum() >= 12
+    assert solution.each.used.sum() >= 12
 
 
 @pytest.mark.parametrize("seed", [0, 33, 34])  # where one profile on its other side left the median as it was
@@ -234,7 +238,7 @@ def test_applied_the_tool_is_the_true_one_and_covered_the_workpiece_is() -> None
         values = solution.held.found.scanner
         measured = raw * (1 + np.array([values[1], 0.0, values[2]])) + [values[3] * raw[2], 0, 0] if apply else raw
         off = solution.joint.mount_from_laser.apply(measured) - of.truth.apply(point)
-        assert squared(off, solution.at_point) < 21.1
+        assert squared(off, solution.in_view.at_point) < 21.1
 
 
 @pytest.mark.parametrize("share", [-3e-4, 3e-4])
@@ -250,10 +254,13 @@ def test_in_base_as_the_arm_tells_it_its_lengths_cancel_at_the_workpiece(share: 
         for o in of.observations
     ]
     solution = solve_tcp([replace(o, base_from_tool0=pose) for o, pose in told_poses], SPHERE, GIVEN)
-    point = solution.seen_in_laser_mm
+    point = solution.in_view.seen_mm
     off = solution.joint.mount_from_laser.apply(point) - (1 + share) * of.truth.apply(point)
-    assert squared(off, solution.at_workpiece) < 16.3  # χ² of 3 at 1e-3
-    assert np.linalg.eigvalsh(solution.at_workpiece)[-1] < 0.8 * np.linalg.eigvalsh(solution.at_point)[-1]
+    assert squared(off, solution.in_view.at_workpiece) < 16.3  # χ² of 3 at 1e-3
+    assert (
+        np.linalg.eigvalsh(solution.in_view.at_workpiece)[-1]
+        < 0.8 * np.linalg.eigvalsh(solution.in_view.at_point)[-1]
+    )
 
 
 @pytest.mark.parametrize("pair", [(5, 9), (7, 12)])
@@ -265,9 +272,9 @@ def test_two_swapped_poses_are_named(pair: tuple[int, int]) -> None:
     swapped[j] = replace(swapped[j], base_from_tool0=of.observations[i].base_from_tool0)
     solution = solve_tcp(swapped, SPHERE, GIVEN)
     names = {of.observations[k].capture for k in pair}
-    assert [cause.kind for cause in solution.causes] == ["swapped-poses"]
-    assert set(solution.causes[0].captures) == names
-    assert np.flatnonzero(~solution.used).tolist() == sorted(pair)
+    assert [cause.kind for cause in solution.beside.causes] == ["swapped-poses"]
+    assert set(solution.beside.causes[0].captures) == names
+    assert np.flatnonzero(~solution.each.used).tolist() == sorted(pair)
 
 
 @pytest.mark.parametrize("sigma_mm", [0.02, 0.05])

@@ -7,7 +7,9 @@ import pytest
 from cells import ESTIMATED, GIVEN, SPHERE, Cell
 
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
+from calib_core.chain.tcp import solve_tcp
+from calib_core.chain.tcp_given import TcpOptions
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.errors import MotionError
 from calib_core.findings import judgement
 from calib_core.frames import RigidTransform, rotation_from_vector
@@ -25,9 +27,9 @@ def test_rotation_about_one_axis_leaves_the_position_along_it_open(axis: str, op
     turned = np.outer(np.linspace(-0.6, 0.6, 7), direction)
     observations = noisy(exact_cell(5, np.concatenate([np.zeros((4, 3)), turned])).centers(), 5)
     solution = solve_tcp(observations, SPHERE, options)
-    assert solution.undetermined == []
-    assert abs(solution.shifts.directions[0] @ direction) > 0.999
-    assert len(solution.shifts.directions) == 1
+    assert solution.left_open.undetermined == []
+    assert abs(solution.left_open.shifts.directions[0] @ direction) > 0.999
+    assert len(solution.left_open.shifts.directions) == 1
     verdict, warnings = told(solution)
     assert verdict == "warn"
     said = {"x": "not determined along x:", "z": "not determined along z:"}.get(axis, "not determined along (")
@@ -99,8 +101,8 @@ def assert_motion_error(observations: list[SphereObservation], need: str, to_do:
 def test_translations_alone_leave_the_position_open(seed: int) -> None:
     cell = Cell.of("tcp-translation-only", seed)
     solution = solve_tcp(cell.observations, SPHERE, GIVEN)
-    np.testing.assert_array_equal(solution.shifts.directions, np.eye(3))
-    assert solution.undetermined == []
+    np.testing.assert_array_equal(solution.left_open.shifts.directions, np.eye(3))
+    assert solution.left_open.undetermined == []
     turned = cell.error(solution.joint.mount_from_laser)[:3]
     assert turned @ np.linalg.solve(solution.covariance[:3, :3], turned) < CHI2_3_RARE
 

@@ -49,7 +49,7 @@ def at_pose(*places_mm: tuple[float, float]) -> Case:
         )
         for k, (flange, center) in enumerate(places_mm)
     ]
-    return lambda: lag_findings(seen, replace(right().sigmas, position_mm=0.02))
+    return lambda: lag_findings(seen, replace(right().noise.sigmas, position_mm=0.02))
 
 
 def flange(tool_mm: float = 0.0, mixed: int = 0) -> Case:

@@ -11,7 +11,7 @@ from cells import GIVEN, Cell
 
 from calib_core.captures.pitch import suspected_pitch
 from calib_core.chain.held import ScannerError
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.undetermined import open_directions
 from calib_core.chain.warm_up import WarmUp
 from calib_core.findings import Finding
@@ -34,12 +34,19 @@ def of_spread(direction: int, sigma: float, tolerance: float = 1.0, field: str =
     """Return what is said of an answer that is open by so much along a direction."""
     covariance = 1e-8 * np.eye(6)
     covariance[direction, direction] = sigma**2
-    return lambda: tcp_findings(replace(right(), **{field: open_directions(covariance, tolerance)}))
+    found = {field: open_directions(covariance, tolerance)}
+    return lambda: tcp_findings(replace(right(), left_open=replace(right().left_open, **found)))
+
+
+def scattered(solution: TcpSolution, **values: float) -> TcpSolution:
+    """Return a solution whose poses scatter so."""
+    noise = solution.noise
+    return replace(solution, noise=replace(noise, sigmas=replace(noise.sigmas, **values)))
 
 
 def of_sigmas(**values: float) -> Case:
     """Return what is said of an answer whose poses scatter so."""
-    return lambda: tcp_findings(replace(right(), sigmas=replace(right().sigmas, **values)))
+    return lambda: tcp_findings(scattered(right(), **values))
 
 
 def of_error(name: str) -> Case:
@@ -57,9 +64,9 @@ def of_weight(weight: float) -> Case:
     """Return what is said where one capture counts so much."""
 
     def case() -> Iterable[Finding]:
-        weights = right().weights.copy()
-        weights[np.flatnonzero(right().used)[0]] = weight
-        return tcp_findings(replace(right(), weights=weights))
+        weights = right().each.weights.copy()
+        weights[np.flatnonzero(right().each.used)[0]] = weight
+        return tcp_findings(replace(right(), each=replace(right().each, weights=weights)))
 
     return case
 
@@ -69,8 +76,9 @@ def of_captures(count: int) -> Case:
 
     def case() -> Iterable[Finding]:
         found = right()
-        names, weights = found.captures[:count], found.weights[:count]
-        return tcp_findings(replace(found, captures=names, weights=weights, used=np.ones(count, bool)))
+        names, weights = found.each.ids[:count], found.each.weights[:count]
+        few = replace(found.each, ids=names, weights=weights, used=np.ones(count, bool))
+        return tcp_findings(replace(found, each=few))
 
     return case
 
@@ -80,9 +88,10 @@ def two_steps(times: float) -> Case:
 
     def case() -> Iterable[Finding]:
         found = Cell.of("tcp-centers", 1).solve(GIVEN)
-        shift = np.array([0, 0, 0, times * found.stated_mm, 0, 0])
+        shift = np.array([0, 0, 0, times * found.in_view.stated_mm, 0, 0])
         off = replace(found.joint, mount_from_laser=found.joint.mount_from_laser.perturbed(shift))
-        return doubts_about_two_steps(replace(found, two_step=off, two_step_beside_joint=1e-6 * np.eye(6)))
+        two_steps = replace(found.by_two_steps, answer=off, beside_joint=1e-6 * np.eye(6))
+        return doubts_about_two_steps(replace(found, by_two_steps=two_steps))
 
     return case
 
@@ -91,12 +100,12 @@ def drift(times: float) -> Case:
     """Return what is said of a drift whose least size is so many times what the answer has room for."""
 
     def case() -> Iterable[Finding]:
-        size = times * 2 * right().stated_mm
+        size = times * 2 * right().in_view.stated_mm
         none = np.zeros(0)
         found = WarmUp(
             "scanner", size, 0.0, True, True, False, 0.2, ("p01",), ("p01",), none, none, none, none, 1e-9
         )
-        return drift_findings(replace(right(), warm_up=found))
+        return drift_findings(replace(right(), beside=replace(right().beside, warm_up=found)))
 
     return case
 

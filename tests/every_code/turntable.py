@@ -28,6 +28,7 @@ from calib_core.stages.turntable.solve import about_tool, table_options
 from calib_core.stages.turntable.verdict import table_findings
 from tests.core.test_late_scanner import BESIDE, FIXED, HELD, MOUNTED, seen_by
 from tests.every_code.made import CELL, Case, solved, table_of
+from tests.every_code.tcp import scattered
 
 
 @cache
@@ -203,7 +204,7 @@ def after_tool(optics: tuple[Any, ...] = (), **sigmas: float) -> Case:
 
     def case() -> Iterable[Finding]:
         tcp = whole()[0].tcp
-        told = replace(tcp, sigmas=replace(tcp.sigmas, **sigmas), optics=optics)
+        told = replace(scattered(tcp, **sigmas), beside=replace(tcp.beside, optics=optics))
         return about_tool(told, CELL.session.captures)
 
     return case

@@ -89,7 +89,7 @@ def solve(given: StageInput) -> ChainResult:
     result = result.model_copy(update=told)
     if given.session.cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
-    result = without_open_places(result, solved.solution.shifts)
+    result = without_open_places(result, solved.solution.left_open.shifts)
     return with_all_rows(result, given.captures, [*solved.unused, *table.unused])
 
 
@@ -125,7 +125,7 @@ def _findings(
         *_of_table(given, solved, table, solution),
         *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures, with_table=True)),
         *arm_findings(given.session.cell, solution.tcp.arm, used),
-        *lag_findings(solved.observations, solution.tcp.sigmas),
+        *lag_findings(solved.observations, solution.tcp.noise.sigmas),
         *lost_rays_of(both),
         *solved.unused,
         *table.unused,
@@ -143,7 +143,7 @@ def _of_table(
     from calib_core.stages.turntable.verdict import angles_that_do_not_fit
 
     found = findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere)
-    known = solved.solution.at_workpiece
+    known = solved.solution.in_view.at_workpiece
     sigma_mm = float(np.sqrt(np.linalg.eigvalsh(known)[-1])) if np.isfinite(known).all() else np.inf
     alone = angles_that_do_not_fit(table.solution, sigma_mm)
     told = {finding.code for finding in found}

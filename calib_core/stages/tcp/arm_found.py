@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from calib_core.chain.arm_model import ArmModel
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.evidence.numbers import quantity
 from calib_core.findings import Finding
 from calib_core.findings.codes import arm as codes

@@ -20,7 +20,8 @@ from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize, by_scanner
 from calib_core.chain.several_starts import moving_axes
-from calib_core.chain.tcp import LEAST_CAPTURES, TcpSolution
+from calib_core.chain.tcp import LEAST_CAPTURES
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.findings import Finding
 from calib_core.findings.codes import spheres as codes
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
@@ -231,7 +232,7 @@ def spheres_found(cell: Cell, solution: TcpSolution) -> list[FoundSphere]:
         if walk.layout.rides[n].any():
             continue
         place = walk.layout.place(n)
-        seen = [solution.captures[k] for k in np.flatnonzero(solution.used) if walk.place[k] == n]
+        seen = [solution.each.ids[k] for k in np.flatnonzero(solution.each.used) if walk.place[k] == n]
         found.append(
             FoundSphere.model_validate(
                 {

@@ -14,7 +14,7 @@ from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.held import Held
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.undetermined import about_travel, without_turns
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.findings.codes import tcp as codes
@@ -53,9 +53,9 @@ def tcp_result(
         undetermined=[
             Undetermined(direction=d.direction.tolist(), description=str(d.description))
             for d in (
-                *solution.undetermined,
-                *about_travel(solution.shifts.travel, joint.mount_from_laser),
-                *without_turns(solution.shifts.directions),
+                *solution.left_open.undetermined,
+                *about_travel(solution.left_open.shifts.travel, joint.mount_from_laser),
+                *without_turns(solution.left_open.shifts.directions),
             )
         ],
         two_step=_two_step(solution),
@@ -63,9 +63,9 @@ def tcp_result(
         **scanners_found(solution),
         frames=mounts_found(solution.held),
         axes=axes_found(solution.held.state, solution.held.covariance),
-        optics=[_optics_shift(solution, error) for error in solution.optics],
+        optics=[_optics_shift(solution, error) for error in solution.beside.optics],
         workpiece=AtPoint(
-            point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_workpiece.tolist()
+            point_in_laser_mm=solution.in_view.seen_mm.tolist(), covariance=solution.in_view.at_workpiece.tolist()
         ),
         arm_errors=_arm_errors(solution),
         arm_model=arm_model_found(solution),
@@ -79,8 +79,8 @@ def solution_findings(
     solution: TcpSolution, captures: Sequence[Capture] = (), with_table: bool = False
 ) -> list[Finding]:
     """Return what a solution shows, its drift and what it has no room for too."""
-    more = [_bent(bend) for bend in solution.bends]
-    more += [solution.unmodelled.finding] if solution.unmodelled else []
+    more = [_bent(bend) for bend in solution.beside.bends]
+    more += [solution.beside.unmodelled.finding] if solution.beside.unmodelled else []
     return [*tcp_findings(solution, captures, with_table), *drift_findings(solution), *more]
 
 
@@ -161,7 +161,7 @@ def scanner_found(solution: TcpSolution, which: int = 0) -> ScannerFound:
     some, active = held.columns_of(which), held.active[held.nuisances_of(which)]
     covariance = held.covariance[some][:, some]
     name = held.state.walk.layout.mounts[which][0]
-    bends = [bend for bend in solution.bends if bend.solved and bend.scanner == name]
+    bends = [bend for bend in solution.beside.bends if bend.solved and bend.scanner == name]
     return ScannerFound(
         names=[NAMES[held.data.kinds[k]] for k in active],
         values=held.found.scanner[active].tolist(),
@@ -169,7 +169,7 @@ def scanner_found(solution: TcpSolution, which: int = 0) -> ScannerFound:
         covariance=covariance[6:, 6:].tolist(),
         covariance_with_tool=covariance[:6, 6:].tolist(),
         applied=held.applied,
-        sphere_diameter_sigma_mm=solution.sphere.sigma_mm,
+        sphere_diameter_sigma_mm=solution.given.sphere.sigma_mm,
         half_width_mm=held.half_width_mm,
         facing=held.facing,
         left_in_files=_left_in_files(held, which),
@@ -250,10 +250,10 @@ def components(
 
 
 def _variance_components(solution: TcpSolution) -> VarianceComponents:
-    options = solution.options
+    options, noise = solution.given.options, solution.noise
     estimated = ["point_sigma_mm"] if options.point_sigma_mm is None else []
-    estimated += estimated_of_robot(solution.sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
-    return components(solution.sigmas, solution.point_sigma_mm, solution.points_per_independent, estimated)
+    estimated += estimated_of_robot(noise.sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
+    return components(noise.sigmas, noise.point_sigma_mm, noise.points_per_independent, estimated)
 
 
 def estimated_of_robot(sigmas: Sigmas, position_mm: float | None, orientation_rad: float | None) -> list[str]:
@@ -267,11 +267,13 @@ def estimated_of_robot(sigmas: Sigmas, position_mm: float | None, orientation_ra
 
 
 def _two_step(solution: TcpSolution) -> TwoStep:
-    names = [list(dict.fromkeys(solution.captures[k] for k in group)) for group in solution.two_step_answer.groups]
-    paper = solution.two_step
+    names = [
+        list(dict.fromkeys(solution.each.ids[k] for k in group)) for group in solution.by_two_steps.groups.groups
+    ]
+    paper = solution.by_two_steps.answer
     if paper is None:
-        return TwoStep(translations=names, reason=solution.two_step_answer.reason)
-    covariance = solution.two_step_covariance
+        return TwoStep(translations=names, reason=solution.by_two_steps.groups.reason)
+    covariance = solution.by_two_steps.covariance
     return TwoStep(
         **placed(paper),
         surface_rms_mm=paper.surface_rms_mm,
@@ -285,27 +287,27 @@ def _two_step(solution: TcpSolution) -> TwoStep:
 
 def _residuals(solution: TcpSolution, findings: Sequence[Finding]) -> list[TcpResidual]:
     reasons = reasons_of(findings)
-    joint, influence = solution.joint, solution.influence
+    joint, influence = solution.joint, solution.each.influence
     return [
         TcpResidual(
             capture=name,
-            used=bool(solution.used[k]),
-            reason=None if solution.used[k] else reasons.get(name),
-            points=solution.points[k],
+            used=bool(solution.each.used[k]),
+            reason=None if solution.each.used[k] else reasons.get(name),
+            points=solution.each.points[k],
             surface_rms_mm=float(joint.capture_rms_mm[k]),
             center_distance_mm=float(np.linalg.norm(joint.offset_mm[k])),
             **{f"center_offset_in_{joint.ball}_mm": joint.offset_mm[k].tolist()},
             leave_one_out_rms_mm=_finite(joint.leave_one_out_rms_mm[k]),
-            two_step_surface_rms_mm=_two_step_rms(solution.two_step, k),
-            mahalanobis=float(np.sqrt(solution.squared_distance[k])),
-            weight=float(solution.weights[k]),
-            side=int(solution.sides[k]) or None,
-            zone=solution.zones[k],
+            two_step_surface_rms_mm=_two_step_rms(solution.by_two_steps.answer, k),
+            mahalanobis=float(np.sqrt(solution.each.squared_distance[k])),
+            weight=float(solution.each.weights[k]),
+            side=int(solution.each.sides[k]) or None,
+            zone=solution.each.zones[k],
             shift_without_mm=_finite(influence.shift_mm[k]),
             turn_without_deg=_finite(np.rad2deg(influence.turn_rad[k])),
             growth_without=_finite(influence.growth[k]),
         )
-        for k, name in enumerate(solution.captures)
+        for k, name in enumerate(solution.each.ids)
     ]
 
 

@@ -32,7 +32,8 @@ from calib_core.stages.tcp.record import TcpResidual, TcpResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
 if TYPE_CHECKING:
-    from calib_core.chain.tcp import TcpOptions, TcpSolution
+    from calib_core.chain.tcp_given import TcpOptions
+    from calib_core.chain.tcp_solution import TcpSolution
 
 _MEASURING_SHARE = 0.3
 _NOT_ONE_BALL_MM = 5.0  # by which one ball's places scatter: the cell is told wrongly, or there are several
@@ -68,7 +69,7 @@ def solve(given: StageInput) -> TcpResult:
         _require_still(given)
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256, found)
     result = result.model_copy(update={"spheres": spheres_found(given.session.cell, solved.solution)})
-    result = without_open_places(result, solved.solution.shifts)
+    result = without_open_places(result, solved.solution.left_open.shifts)
     return with_all_rows(result, given.captures, solved.unused)
 
 
@@ -81,7 +82,7 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     found = of_several_balls(given, solved, solution_findings(solved.solution, given.captures))
     sizes = {o.sphere for o in solved.observations if o.sphere} - {solved.sphere}
     found += [diameter_told(size) for size in sorted(sizes, key=lambda size: -size.diameter_mm)]
-    found += lag_findings(solved.observations, solved.solution.sigmas)
+    found += lag_findings(solved.observations, solved.solution.noise.sigmas)
     found += lost_rays_of(solved.observations)
     fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
     of_flange = flange_findings(given.session.cell, fit)
@@ -129,7 +130,7 @@ def _causes_of_poses(given: StageInput, solved: SolvedTcp, nothing_fits: bool) -
     from calib_core.causes.mirror import mirror_causes
     from calib_core.causes.scales import scale_causes
 
-    explained = bool(solved.solution.causes) and not nothing_fits
+    explained = bool(solved.solution.beside.causes) and not nothing_fits
     given.progress(0.98, "Trying other lengths")
     found = scale_causes(given.session, given.captures, given.read, solved.sphere, by_shape=explained)
     return found if found or explained else mirror_causes(given.session, solved.observations, solved.sphere)
@@ -137,13 +138,13 @@ def _causes_of_poses(given: StageInput, solved: SolvedTcp, nothing_fits: bool) -
 
 def _is_doubtful(found: Sequence[Finding], solved: SolvedTcp) -> bool:
     """Return whether the poses are to be doubted: nothing fits, or several captures contradict the others."""
-    rejected = int((~solved.solution.used).sum())
+    rejected = int((~solved.solution.each.used).sum())
     scaled = any(
         abs(error.error) > _SUSPICIOUS_SCALE
         for error in solved.solution.held.errors
         if error.name in ("scale_x", "scale_z", "arm_scale")
     )
-    scattered = solved.solution.start_scatter_mm > _SUSPICIOUS_SCATTER_MM
+    scattered = solved.solution.each.side_choice.scatter_mm > _SUSPICIOUS_SCATTER_MM
     return verdict_of(found) == "fail" or scattered or scaled or rejected > 1
 
 
@@ -178,7 +179,8 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.chain.arm_open import corrected
-    from calib_core.chain.tcp import TcpOptions, solve_tcp
+    from calib_core.chain.tcp import solve_tcp
+    from calib_core.chain.tcp_given import TcpOptions
     from calib_core.stages.tcp.balls import named_by_distances, of_no_ball, other_arcs, with_all_balls
 
     cell = given.session.cell
@@ -201,9 +203,9 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     seen, noticed = observed.observations, _second_arcs(clearest.observations, observed.observations)
     try:
         seen, solution = _solved(given, seen, sphere, options)
-        if (others := other_arcs(given, seen, solution.used)) is not None:
+        if (others := other_arcs(given, seen, solution.each.used)) is not None:
             again = solve_tcp(others, sphere, options)
-            if len(fit := np.flatnonzero(again.used & ~solution.used)):
+            if len(fit := np.flatnonzero(again.each.used & ~solution.each.used)):
                 noticed.append(spheres.SECOND_ARC([seen[k].capture for k in fit]))
                 seen, solution = others, again
         if (named := named_by_distances(cell, seen, solution)) is not None:  # whose distances are measurements

@@ -11,7 +11,7 @@ from calib_core.chain.held import ScannerError
 from calib_core.chain.incidents import Happened
 from calib_core.chain.observations import Observations, SphereSize, named
 from calib_core.chain.repeated import repeats
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.undetermined import OpenDirection, about_travel, without_turns
 from calib_core.findings import Finding
 from calib_core.findings.code import Code
@@ -53,7 +53,7 @@ def tcp_findings(
         *_too_many_rejected(solution),
     ]
     # Of captures that do not agree, none tells whose pose another one has.
-    causes = [cause for cause in solution.causes if not (misfit and cause.code is SWAPPED_POSES)]
+    causes = [cause for cause in solution.beside.causes if not (misfit and cause.code is SWAPPED_POSES)]
     found = [*failures, *_doubts_about_captures(solution, causes, captures)]
     if not failures:
         found += _doubts_about_motion(solution)
@@ -64,14 +64,14 @@ def tcp_findings(
 
 def _misfit(solution: TcpSolution) -> list[Finding]:
     scatter = solution.joint.center_scatter_rms_mm
-    if scatter <= _HOPELESS_SCATTER_MM and solution.sigmas.position_mm <= _HOPELESS_SIGMA_MM:
+    if scatter <= _HOPELESS_SCATTER_MM and solution.noise.sigmas.position_mm <= _HOPELESS_SIGMA_MM:
         return []
     return [codes.POSES_DO_NOT_FIT(scatter_mm=scatter)]
 
 
 def _undetermined(solution: TcpSolution, with_table: bool) -> list[Finding]:
-    found = _open(solution.undetermined, codes.ROTATION_OPEN, codes.POSITION_OPEN)
-    if some := without_turns(solution.shifts.directions):
+    found = _open(solution.left_open.undetermined, codes.ROTATION_OPEN, codes.POSITION_OPEN)
+    if some := without_turns(solution.left_open.shifts.directions):
         across = sorted({axis for one in some for axis in one.across.split(", ")})
         axes = ", ".join(one.axis for one in some)
         found.append(
@@ -79,7 +79,7 @@ def _undetermined(solution: TcpSolution, with_table: bool) -> list[Finding]:
             if with_table
             else codes.POSITION_WITHOUT_TURNS(axes=axes, across=", ".join(across))
         )
-    for one in about_travel(solution.shifts.travel, solution.joint.mount_from_laser):
+    for one in about_travel(solution.left_open.shifts.travel, solution.joint.mount_from_laser):
         found.append(
             codes.PLACE_NOT_NEEDED(what="rotation", axes=one.axis)
             if with_table
@@ -90,9 +90,11 @@ def _undetermined(solution: TcpSolution, with_table: bool) -> list[Finding]:
 
 def _mirrored(solution: TcpSolution, captures: Sequence[Capture]) -> list[Finding]:
     """Return that nothing tells the answer from its mirror image, where one line of profiles is all there is."""
-    told = any(one.side is not None and one.id in solution.captures for one in captures)
-    profiles = all(zone is not None for zone in solution.zones)
-    return [codes.TOOL_MIRRORED()] if solution.shifts.travel is not None and profiles and not told else []
+    told = any(one.side is not None and one.id in solution.each.ids for one in captures)
+    profiles = all(zone is not None for zone in solution.each.zones)
+    return (
+        [codes.TOOL_MIRRORED()] if solution.left_open.shifts.travel is not None and profiles and not told else []
+    )
 
 
 def _open(directions: Sequence[OpenDirection], rotation: Code, position: Code) -> list[Finding]:
@@ -112,15 +114,15 @@ def _open(directions: Sequence[OpenDirection], rotation: Code, position: Code) -
 
 
 def _rejected(solution: TcpSolution) -> list[str]:
-    return [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
+    return [name for name, used in zip(solution.each.ids, solution.each.used, strict=True) if not used]
 
 
 def _too_many_rejected(solution: TcpSolution) -> list[Finding]:
-    rejected, reasons = _rejected(solution), solution.reasons
-    if len(rejected) <= _MOST_REJECTED * len(solution.captures):
+    rejected, reasons = _rejected(solution), solution.each.reasons
+    if len(rejected) <= _MOST_REJECTED * len(solution.each.ids):
         return []
-    count = len(solution.captures)
-    names = named(solution.captures, solution.used)
+    count = len(solution.each.ids)
+    names = named(solution.each.ids, solution.each.used)
     return [codes.MANY_CONTRADICT(list(reasons), each=reasons, rejected=len(rejected), count=count, names=names)]
 
 
@@ -129,10 +131,10 @@ def _doubts_about_captures(
 ) -> list[Finding]:
     found = [incident_finding(cause, captures) for cause in causes]
     explained = {name for cause in causes for name in cause.captures}
-    rejected, reasons = _rejected(solution), solution.reasons
-    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures):
+    rejected, reasons = _rejected(solution), solution.each.reasons
+    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.each.ids):
         behind = found[0].code if set(rejected) <= explained else None
-        names = named(solution.captures, solution.used)
+        names = named(solution.each.ids, solution.each.used)
         found.append(codes.CAPTURES_CONTRADICT(list(reasons), each=reasons, behind=behind, names=names))
     if _sides_are_open(solution):
         found.append(codes.SIDE_OPEN())
@@ -140,19 +142,21 @@ def _doubts_about_captures(
 
 
 def _sides_are_open(solution: TcpSolution) -> bool:
-    if solution.sides_log_odds is not None:
-        return solution.sides_log_odds < _CLEAR_LOG_ODDS
-    rival = solution.rival_scatter_mm
-    return rival is not None and rival < _RIVAL_NEAR * solution.start_scatter_mm
+    if solution.each.side_choice.log_odds is not None:
+        return solution.each.side_choice.log_odds < _CLEAR_LOG_ODDS
+    rival = solution.each.side_choice.rival_scatter_mm
+    return rival is not None and rival < _RIVAL_NEAR * solution.each.side_choice.scatter_mm
 
 
 def _doubts_about_motion(solution: TcpSolution) -> list[Finding]:
-    undetermined = [d.direction for d in solution.undetermined]
+    undetermined = [d.direction for d in solution.left_open.undetermined]
     weak = [
-        one for one in solution.weak if not any(abs(float(one.direction @ known)) > 0.9 for known in undetermined)
+        one
+        for one in solution.left_open.weak
+        if not any(abs(float(one.direction @ known)) > 0.9 for known in undetermined)
     ]
     found = _open(weak, codes.ROTATION_WEAK, codes.POSITION_WEAK)
-    count = int(solution.used.sum())
+    count = int(solution.each.used.sum())
     spare = 3 * count - 9
     if spare < _FEW_SPARE:
         found.append(codes.FEW_CAPTURES(count=count, spare=spare))
@@ -161,32 +165,32 @@ def _doubts_about_motion(solution: TcpSolution) -> list[Finding]:
 
 def doubts_about_two_steps(solution: TcpSolution) -> list[Finding]:
     """Return what is noticed where the joint answer and the paper's two steps contradict each other."""
-    if solution.two_step is None or solution.two_step_beside_joint is None:
+    if solution.by_two_steps.answer is None or solution.by_two_steps.beside_joint is None:
         return []
     if solution.held.errors:
         return []  # of arm or scanner: they move the two steps otherwise, and are said, with what to do
-    joint, two_step = solution.joint.mount_from_laser, solution.two_step.mount_from_laser
+    joint, two_step = solution.joint.mount_from_laser, solution.by_two_steps.answer.mount_from_laser
     difference = joint.difference(two_step)
-    distance = float(difference @ np.linalg.solve(solution.two_step_beside_joint, difference))
-    there = solution.seen_in_laser_mm
+    distance = float(difference @ np.linalg.solve(solution.by_two_steps.beside_joint, difference))
+    there = solution.in_view.seen_mm
     shift_mm = float(np.linalg.norm(joint.apply(there) - two_step.apply(there)))
-    if distance <= _CHI2_6_RARE or shift_mm <= solution.stated_mm:
+    if distance <= _CHI2_6_RARE or shift_mm <= solution.in_view.stated_mm:
         return []
     return [codes.TWO_STEPS_DIFFER(shift_mm=shift_mm, turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))))]
 
 
 def _doubts_about_noise(solution: TcpSolution) -> list[Finding]:
     found: list[Finding] = []
-    if solution.excess > 1:
-        options = solution.options
+    if solution.beside.excess > 1:
+        options = solution.given.options
         told = options.position_sigma_mm is not None or options.orientation_sigma_rad is not None
         handled = "estimated" if told else "enlarged"
-        found.append(codes.SCATTER_BEYOND_TOLD(times=float(np.sqrt(solution.excess)), handled=handled))
-    measured, given = solution.measured_point_sigma_mm, solution.options.point_sigma_mm
+        found.append(codes.SCATTER_BEYOND_TOLD(times=float(np.sqrt(solution.beside.excess)), handled=handled))
+    measured, given = solution.noise.measured_point_sigma_mm, solution.given.options.point_sigma_mm
     if measured and given and not 0.5 < measured / given < 2:
         found.append(codes.POINT_NOISE_DIFFERS(measured_mm=measured, told_mm=given))
-    if solution.sigmas.position_mm > _LARGE_SIGMA_MM:
-        found.append(codes.POSES_SCATTER(scatter_mm=solution.sigmas.position_mm))
+    if solution.noise.sigmas.position_mm > _LARGE_SIGMA_MM:
+        found.append(codes.POSES_SCATTER(scatter_mm=solution.noise.sigmas.position_mm))
     found.extend(_about(error, solution) for error in solution.held.errors)
     return found
 
@@ -211,17 +215,17 @@ def diameter_told(size: SphereSize) -> Finding:
 def _notes(solution: TcpSolution) -> list[Finding]:
     """Return what is worth knowing of a solution beside its doubts: what was assumed, and what counts less."""
     found: list[Finding] = []
-    if any(solution.points):
-        found.append(diameter_told(solution.sphere))
+    if any(solution.each.points):
+        found.append(diameter_told(solution.given.sphere))
     light = {
         name: weight
-        for name, used, weight in zip(solution.captures, solution.used, solution.weights, strict=True)
+        for name, used, weight in zip(solution.each.ids, solution.each.used, solution.each.weights, strict=True)
         if used and weight < _LIGHT
     }
     if light:
         weights = ", ".join(f"{name} ({weight:.0%})" for name, weight in light.items())
         found.append(codes.COUNT_LESS(list(light), weights=weights))
-    return found + beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm)
+    return found + beyond_told_sigma(solution.noise.sigmas, solution.given.options.position_sigma_mm)
 
 
 def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[Finding]:

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from calib_core.chain.tcp import TcpSolution
+from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.warm_up import WarmUp
 from calib_core.evidence.numbers import quantity
 from calib_core.findings import Code, Finding, sentence_of
@@ -20,7 +20,7 @@ _SETTLED_AFTER: Final = 3.0  # time constants
 
 def session_drift(solution: TcpSolution) -> SessionDrift | None:
     """Return the drift within a session as a record, None where there are too few captures to tell."""
-    found = solution.warm_up
+    found = solution.beside.warm_up
     if found is None:
         return None
     code = DRIFT_COVERED if _is_covered(found, solution) else DRIFTED
@@ -51,14 +51,14 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
 
 def _is_covered(drift: WarmUp, solution: TcpSolution) -> bool:
     """Return whether the answer's uncertainty may have room for it: the answer is that of the session's middle."""
-    stated_mm = solution.stated_mm
+    stated_mm = solution.in_view.stated_mm
     surely_mm = drift.drift_mm - drift.uncertainty_mm
     return surely_mm <= min(2 * stated_mm, _LARGE_MM)
 
 
 def drift_findings(solution: TcpSolution) -> list[Finding]:
     """Return a drift that chance does not explain: a note where the answer's uncertainty has room for it."""
-    found = solution.warm_up
+    found = solution.beside.warm_up
     if found is None or not found.found:
         return []
     code = DRIFT_COVERED if _is_covered(found, solution) else DRIFTED

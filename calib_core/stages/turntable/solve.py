@@ -35,7 +35,7 @@ from calib_core.stages.turntable.record import TurntableResult
 if TYPE_CHECKING:
     from calib_core.chain.late_scanner import LateScanner
     from calib_core.chain.table_given import KnownTool, TurntableOptions
-    from calib_core.chain.tcp import TcpSolution
+    from calib_core.chain.tcp_solution import TcpSolution
     from calib_core.chain.turntable import TurntableSolution
 
 _TCP_SHARE = 0.4
@@ -83,7 +83,7 @@ def solve(given: StageInput) -> TurntableResult:
     if cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
     if table.sought is not None:
-        result = without_open_places(result, table.sought.shifts)
+        result = without_open_places(result, table.sought.left_open.shifts)
     elif tool is not None and tool.held is not None:
         result = without_open_places(result, open_shifts(tool.held.data))
     if known is not None:
@@ -142,9 +142,9 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
     from calib_core.chain.table_given import KnownTool
 
     solution = solved.solution
-    two_step = solution.two_step.mount_from_laser if solution.two_step else None
+    two_step = solution.by_two_steps.answer.mount_from_laser if solution.by_two_steps.answer else None
     arm = solution.arm if solution.arm is not None and solution.arm.applied else None
-    bends = tuple(bend for bend in solution.bends if bend.solved)
+    bends = tuple(bend for bend in solution.beside.bends if bend.solved)
     return KnownTool(solution.joint.mount_from_laser, solution.held, two_step, arm, bends)
 
 
@@ -154,7 +154,7 @@ def about_tool(tool: "TcpSolution", captures: Sequence[Capture]) -> list[Finding
 
     verdict = verdict_of(tcp_findings(tool, captures, with_table=True))
     found = [codes.TCP_FAILED()] if verdict == "fail" else [codes.TCP_DOUBTFUL()] if verdict == "warn" else []
-    return [*found, codes.BY_TOOL_ALONE()] if tool.optics else found
+    return [*found, codes.BY_TOOL_ALONE()] if tool.beside.optics else found
 
 
 def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool | None", progress: Progress) -> SolvedTable:
