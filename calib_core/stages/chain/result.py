@@ -99,7 +99,7 @@ def _optics(solution: ChainSolution, tcp: TcpResult) -> list[OpticsShift]:
     """Return what camera and plane of light do to the tool, with what they do to the table."""
     table = solution.turntable.state.walk.layout.axis_and_places(solution.turntable.state.walk.layout.table)
     moves = [solution.turntable.covariance.pose_by_unknowns @ e.step[table] for e in solution.tcp.beside.optics]
-    pairs = zip(tcp.beside.optics, moves, strict=True)
+    pairs = zip(tcp.optics, moves, strict=True)
     return [shift.model_copy(update={"turntable": move.tolist()}) for shift, move in pairs]
 
 
