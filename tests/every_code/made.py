@@ -91,6 +91,12 @@ def sides(
 ) -> tuple[Case, Case]:
     """Return what is noticed with a value at either side of its limit, all else alike."""
     return (
-        lambda: noticed(replace(base(), **{field: beyond})),
-        lambda: noticed(replace(base(), **{field: within})),
+        lambda: noticed(with_value(base(), field, beyond)),
+        lambda: noticed(with_value(base(), field, within)),
     )
+
+
+def with_value(record: Any, field: str, value: Any) -> Any:
+    """Return a record with another value of a field; dots in its name lead into records within it."""
+    own, _, rest = field.partition(".")
+    return replace(record, **{own: with_value(getattr(record, own), rest, value) if rest else value})
