@@ -15,7 +15,7 @@ from pydantic import (
     StringConstraints,
     ValidationError,
 )
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from calib_core import steps
 from calib_core.poses.conventions import CONVENTIONS
@@ -32,9 +32,18 @@ else:
 Identifier = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 _LARGEST = 1e20  # more is no quantity of a cell; its square is still a number, and moments in nanoseconds fit
 
-Positive = Annotated[float, Field(ge=SMALLEST, le=_LARGEST, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, le=_LARGEST, allow_inf_nan=False)]
-Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
+
+def _no_switch(value: object) -> object:
+    """Refuse true and false, which would be taken for 1 and 0."""
+    if isinstance(value, bool):
+        raise PydanticCustomError("float_type", "Input should be a valid number")
+    return value
+
+
+_NUMBER = BeforeValidator(_no_switch)
+Positive = Annotated[float, Field(ge=SMALLEST, le=_LARGEST, allow_inf_nan=False), _NUMBER]
+NotNegative = Annotated[float, Field(ge=0, le=_LARGEST, allow_inf_nan=False), _NUMBER]
+Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False), _NUMBER]
 Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Matrix4 = Annotated[
     list[Annotated[list[Finite], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)

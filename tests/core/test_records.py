@@ -290,3 +290,12 @@ def test_a_field_of_another_kind_is_refused_in_plain_words(change: dict[str, Any
     record = {"format": "scancell-session/1", "cell": {"pose_convention": "abb"}, "captures": []}
     with pytest.raises(InputError, match=re.escape(sentence)):
         parse_session({**record, **change})
+
+
+@pytest.mark.parametrize(("diameter_mm", "x_mm"), [(True, 1.0), (25.0, True)])
+def test_true_is_no_number(diameter_mm: object, x_mm: object) -> None:
+    """It was taken for 1: a sphere of one millimetre."""
+    capture = {"id": "p1", "step": "tcp", "kind": "profile", "files": ["a.csv"], "pose": [x_mm, 2, 3, 4, 5, 6]}
+    cell = {"pose_convention": "kuka", "sphere_diameter_mm": diameter_mm}
+    with pytest.raises(InputError, match="got True"):
+        parse_session({"format": "scancell-session/1", "cell": cell, "captures": [capture]}, "s")
