@@ -78,17 +78,18 @@ def planned_poses(
     if _as_solved(session.cell, results, step):
         known = solved_cell(session, measured, results)
         if known is not None or step == "turntable":
-            return _of_solved(session, known, captures, step)
+            return _of_solved(session, _solved(known, results), captures, step)
     if step == "turntable":
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
     if situation is None and ball_on_flange(session.cell):
         to_do = message("Take the captures that the guide asks for.")
-        raise ConflictError(
+        raise _failed(results) or ConflictError(
             "the scanner's place and the ball's, known about", "too few captures", to_do, "captures"
         )
     if situation is None:
-        raise _too_little(message("a tool and a sphere's place that are known about"), "cell.nominal")
+        need = message("a tool and a sphere's place that are known about")
+        raise _failed(results) or _too_little(need, "cell.nominal")
     try:
         plan = planned_set(situation, captures, grid=max(200, 3 * captures), sweeps=1)
     except ValueError as error:
@@ -117,11 +118,16 @@ def _as_solved(cell: Cell, results: ResultsData, step: PlannedStep) -> bool:
     return (several and bool(solved)) or any(map(turns_little, solved))
 
 
-def _of_solved(session: Session, known: SolvedCell | None, captures: int, step: PlannedStep) -> PoseList:
+def _solved(known: SolvedCell | None, results: ResultsData) -> SolvedCell:
+    if known is not None:
+        return known
+    to_do = message("Take the captures that the guide asks for, and solve them.")
+    need = "a cell that is solved, its axes too"
+    raise _failed(results) or ConflictError(need, "one that is not", to_do, "captures")
+
+
+def _of_solved(session: Session, known: SolvedCell, captures: int, step: PlannedStep) -> PoseList:
     """Return further captures of a cell whose edges are solved, whatever they are."""
-    if known is None:
-        to_do = message("Take the captures that the guide asks for, and solve them.")
-        raise ConflictError("a cell that is solved, its axes too", "one that is not", to_do, "captures")
     if step == "turntable" and not any(known.rides(place) for place in range(len(known.layout.places))):
         to_do = message("Take one round of captures of it as the guide says, or ask for step 'tcp'.")
         raise ConflictError("a sphere on an axis that was captured", "none", to_do, "captures")
@@ -180,10 +186,8 @@ def _how_to_take(shots: Sequence[Shot], by_robot: bool) -> Message:
 def _for_table(session: Session, measured: Sequence[Measured], results: ResultsData, captures: int) -> PoseList:
     now = table_situation(session, measured, results)
     if now is None:
-        raise _too_little(
-            message("a tool, and a table that is known about: three captures of one place of the sphere on it"),
-            "cell.nominal.base_from_turntable",
-        )
+        need = message("a tool, and a table that is known about: three captures of one place of the sphere on it")
+        raise _failed(results) or _too_little(need, "cell.nominal.base_from_turntable")
     shots = planned_shots(now, captures)
     if len(shots) < captures:
         raise _too_few(
@@ -201,6 +205,15 @@ def _for_table(session: Session, measured: Sequence[Measured], results: ResultsD
 def _too_little(need: str, where: str) -> ConflictError:
     to_do = message("Take the captures that the guide asks for, or give `{place}` from a drawing.", place=where)
     return ConflictError(need, "too few captures, and no `{place}`", to_do, where, place=where)
+
+
+def _failed(results: ResultsData) -> ConflictError | None:
+    """Return that an answer failed, by which poses would be planned: more captures alone may not mend it."""
+    failed = [s for s in (*tool_stages(), *table_stages()) if (results.get(s) or {}).get("verdict") == "fail"]
+    if not failed:
+        return None
+    to_do = message("Do what its findings say, and solve it again.")
+    return ConflictError("an answer to plan by", "one that failed: '{stage}'", to_do, failed[0], stage=failed[0])
 
 
 def _too_few(captures: int, got: str) -> ConflictError:

@@ -128,3 +128,12 @@ def test_what_cannot_be_planned_is_said_in_its_own_words() -> None:
     session, measured, _ = solved("positioner")
     with pytest.raises(ConflictError, match="a cell that is solved, its axes too"):
         planned_poses(session, measured, {}, 4, "turntable")
+
+
+@pytest.mark.parametrize("step", ["turntable", "verify"])
+@pytest.mark.parametrize("name", ["positioner", "fixed-scanner-turntable"])
+def test_where_the_answer_failed_that_is_said(name: str, step: PlannedStep) -> None:
+    session, measured, results = solved(name)
+    failed = {stage: {**result, "verdict": "fail"} for stage, result in results.items()}
+    with pytest.raises(ConflictError, match=r"got one that failed: '.*Do what its findings say"):
+        planned_poses(session, measured, failed, 4, step)
