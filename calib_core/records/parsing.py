@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from calib_core.records.base import Record
 from calib_core.records.field_errors import input_error
 from calib_core.records.session import Capture, Cell, Session
+from calib_core.records.strict_fields import require_known_fields
 
 
 def parse_session(data: Mapping[str, Any], where: str = "session.json") -> Session:
@@ -40,3 +41,13 @@ def parsed_record(model: type[_R], data: Mapping[str, Any], where: str) -> _R:
         return model.model_validate(data)
     except ValidationError as error:
         raise input_error(error, data, where) from None
+
+
+def written_record(model: type[_R], data: Mapping[str, Any], where: str, beside: type[Record]) -> _R:
+    """Return a record that a person wrote, in which an unknown name is a typing error; raises InputError.
+
+    Fields of the record `beside`, which is read from the same file, are none.
+    """
+    record = parsed_record(model, data, where)
+    require_known_fields(record, where, beside.model_fields)
+    return record

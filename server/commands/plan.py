@@ -51,9 +51,11 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Print the plan; return 1 where the wanted figure is out of reach."""
     from calib_core.guidance.cell_plan import CellToPlan, plan_cell
-    from calib_core.records.parsing import parsed_record
+    from calib_core.records.described import DescribedCell
+    from calib_core.records.parsing import written_record
 
-    plan = plan_cell(parsed_record(CellToPlan, _cell(options), str(options.file or "plan")))
+    where = str(options.file or "plan")
+    plan = plan_cell(written_record(CellToPlan, _cell(options), where, beside=DescribedCell))
     print_result(options, _text(plan), plan.model_dump(mode="json"))
     return NOT_ACCEPTED if plan.reachable is False else OK
 

@@ -75,11 +75,12 @@ def _run(options: argparse.Namespace) -> int:
 def _described(file: Path) -> "DescribedCell":
     """Return the cell of a file, as `plan` takes it; raises InputError where it is none."""
     from calib_core.cell.described import cell_of
+    from calib_core.guidance.cell_plan import CellToPlan
     from calib_core.records.described import DescribedCell
-    from calib_core.records.parsing import parsed_record
+    from calib_core.records.parsing import written_record
     from server.console.output import read_object
 
-    told = parsed_record(DescribedCell, read_object(file), str(file))
+    told = written_record(DescribedCell, read_object(file), str(file), beside=CellToPlan)
     cell_of(told, pose_convention="matrix")  # edges that form no tree
     return told
 

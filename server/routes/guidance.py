@@ -11,6 +11,8 @@ from calib_core.guidance.part_budget import BudgetAtPart
 from calib_core.guidance.pose_list import PoseList
 from calib_core.records import Board
 from calib_core.records.base import PlannedStep
+from calib_core.records.described import DescribedCell
+from calib_core.records.strict_fields import require_known_fields
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
 from server.http.openapi import BYTES
@@ -126,6 +128,7 @@ def get_recheck(stored: LoadedSession) -> RecheckPlan:
 @router.post("/plan", response_model=CellPlan)
 def post_plan(cell: PlannedCell, pages: PageProcessDep) -> CellPlan:
     """Return what a cell will reach before anything is bought: sphere, captures, place. Stores nothing."""
+    require_known_fields(cell, "request", DescribedCell.model_fields)
     return pages.ask(cell_plan, CellToPlan.model_validate(cell.model_dump(exclude_unset=True)))
 
 

@@ -105,6 +105,24 @@ def test_edges_that_make_no_cell_are_refused_in_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("cell", "named"),
+    [({"wanted_m": 0.2}, "wanted_mm"), ({"axes": [{**TURN, "cariers": "robot"}]}, "carries"), ({"colour": 1}, "")],
+)
+def test_a_misspelt_field_is_refused_with_the_near_one(
+    cell: dict[str, Any], named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cell.json"
+    file.write_text(json.dumps({**PLAIN, "scans": 1, **cell}))
+    simulate = ["simulate", str(file), "--seed", "1", "--out", str(tmp_path / "out")]
+    for command in (["plan", str(file)], *([] if named == "wanted_mm" else [simulate])):
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert "which is unknown" in said
+        assert (f"Did you mean '{named}'?" if named else "Leave it out.") in said
+        assert len(said.strip().splitlines()) == 1
+
+
 def test_the_command_prints_captures_and_edges(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "cell.json"
     file.write_text(json.dumps({**PLAIN, **CELLS["both"], "scans": 1}))

@@ -64,6 +64,15 @@ def test_readings_that_do_not_fit_the_axes_are_told_and_kept(
     assert (kept["cell"], len(kept["captures"])) == (cell, 2)
 
 
+def test_a_misspelt_field_of_a_cell_to_plan_is_named(client: httpx.Client) -> None:
+    field = {"near_mm": 130, "far_mm": 230, "near_width_mm": 60}
+    assert_problem(
+        client.post("/plan", json={"scanner": field, "wanted_m": 0.2}), 422, "Did you mean 'wanted_mm'?"
+    )
+    cell = {"scanner": field, "axes": [{**SLIDE, "cariers": "robot"}]}
+    assert_problem(client.post("/plan", json=cell), 422, "'axes.0.cariers', which is unknown")
+
+
 def test_a_scanner_that_is_told_twice_is_refused(client: httpx.Client) -> None:
     text = '{"cell": {"pose_convention": "ur", "scanners": {"left": {}, "left": {"on": "base"}}}}'
     headers = {"content-type": "application/json"}
