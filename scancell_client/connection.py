@@ -59,9 +59,9 @@ class Connection:
 
     A request that got no answer, or was told to come again (429, 502, 503, 504), is sent again until it is
     answered or the patience ends, so that a restart of the server fails nothing; a POST has the same
-    Idempotency-Key each time: it does nothing twice.  It waits as long as `Retry-After` says, else for a random
-    part of a time that doubles.  What was read before is asked for with its ETag and comes only where it has
-    changed.
+    Idempotency-Key each time: it does nothing twice.  It waits as long as `Retry-After` says and by chance up
+    to a quarter longer, else for a random part of a time that doubles: many do not come back at once.  What was
+    read before is asked for with its ETag and comes only where it has changed.
 
     Parameters
     ----------
@@ -184,7 +184,8 @@ class Connection:
                 if not (may_repeat or unsent) or time.monotonic() + wait_s > ends_s:
                     raise
             else:
-                wait_s = _told_to_wait_s(answer.headers.get("retry-after")) or _wait_s(attempt)
+                told_s = _told_to_wait_s(answer.headers.get("retry-after"))
+                wait_s = told_s * random.uniform(1.0, 1.25) if told_s else _wait_s(attempt)
                 again = may_repeat or (is_bytes and answer.status_code in _NOTHING_DONE)
                 passes = answer.status_code in _PASSING and _details(answer).get("type") != _DAMAGED
                 if not passes or not again or time.monotonic() + wait_s > ends_s:
