@@ -888,7 +888,7 @@ class MergeResult(Record):
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['merge'] | None = None
-    frame: Literal['turntable', 'base']
+    frame: Literal['turntable', 'base', 'tool0']
     cloud: str | None
     with_intensity: bool | None = None
     points: int

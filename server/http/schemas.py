@@ -270,7 +270,7 @@ class CloudSection(BaseModel):
     `nominal` is the reference mesh cut by the plane: lines from u v to u v.
     """
 
-    frame: Literal["turntable", "base"]
+    frame: Literal["turntable", "base", "tool0"]
     axis: Literal["x", "y", "z"] | None = None
     at_mm: float
     width_mm: float

@@ -42,13 +42,14 @@ class MergedScans:
     Attributes
     ----------
     points_mm : (N, 3)
-        In the turntable's frame, or in the base where there is no table.
+        In `frame`.
     scan : (N,) int
         The number of the scan that each point belongs to; in a merged cloud of the one that weighs most there, −1
         where none does. Empty where a stored cloud does not say.
     names : tuple of str
         The scans' names.
-    frame : "turntable" or "base"
+    frame : "turntable", "base" or "tool0"
+        The last where the flange holds what was scanned.
     measured : int
         How many points there are before thinning.
     every_mm : (measured, 3) or None
@@ -64,7 +65,7 @@ class MergedScans:
     points_mm: NDArray[np.floating]
     scan: NDArray[np.int64]
     names: tuple[str, ...]
-    frame: Literal["turntable", "base"]
+    frame: Literal["turntable", "base", "tool0"]
     measured: int
     every_mm: NDArray[np.floating] | None = None
     every_scan: NDArray[np.int64] | None = None
@@ -161,8 +162,8 @@ def merged_scans(
     if not measured:
         return None
     numbers = np.repeat(np.arange(len(placed)), [len(cloud) for cloud in placed.values()])
-    frame = "base" if placement.base_from_turntable is None else "turntable"
-    frame = placement.carrier if placement.held else frame
+    still = "base" if placement.base_from_turntable is None else "turntable"
+    frame = "tool0" if placement.held else still
     points = np.concatenate(list(placed.values()))
     return MergedScans(points, numbers, tuple(placed), frame, measured, waiting=waiting)
 

@@ -85,7 +85,7 @@ def test_it_comes_again_when_it_was_told_to() -> None:
             waits = [later - sooner for sooner, later in zip(busy.asked, busy.asked[1:], strict=False)]
             assert len(waits) == 2
             assert all(1.0 <= wait < 1.75 for wait in waits)
-            assert waits[0] != pytest.approx(waits[1], abs=1e-4)  # many that were told the same do not come at once
+            assert waits[0] != pytest.approx(waits[1], abs=1e-4)  # many do not come at once
         with Scancell(f"http://127.0.0.1:{server.server_port}", patience_s=0, trust_env=False) as api:
             busy.asked.clear()
             with pytest.raises(UnavailableError):

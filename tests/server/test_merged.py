@@ -1,14 +1,19 @@
 """The merged cloud over REST: sections, deviations, the reference mesh; and what is asked wrongly."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
+from calib_core.archive.archive import pack
+from calib_core.archive.folder import save_session
 from calib_core.archive.stored_clouds import read_stored_ply
 from calib_core.formats.ply import ply_pieces
+from calib_core.records.described import DescribedCell
+from calib_core.simulation import simulate_described
 from calib_core.simulation.part import BALL_MM, BALL_RADIUS_MM, build_part
 from server.settings import Settings
 from tests.point_files import mesh_file
@@ -127,3 +132,22 @@ def test_asked_too_early_or_wrongly(merged: tuple[httpx.Client, str]) -> None:
     far = ask(merged, "deviation", against="sphere", diameter_mm=500)
     assert 400 <= far.status_code < 500
     assert far.json()["to_do"]
+
+
+@pytest.mark.thorough
+def test_a_section_of_a_part_that_the_robot_holds_is_in_the_flanges_frame(tmp_path: Path) -> None:
+    """It was an error of the server's: its record knew table and base only."""
+    told = DescribedCell.model_validate(
+        {"scanners": {"left": {"on": "base"}, "right": {"on": "base"}}, "scans": 5}
+    )
+    held = simulate_described(told, "held", 3)
+    save_session(tmp_path / "held", held.session, held.files)
+    pack(tmp_path / "held", tmp_path / "held.zip")
+    with serving(Settings(data=tmp_path / "data", port=0, warm_up=False)) as client:
+        archive, zipped = (tmp_path / "held.zip").read_bytes(), {"Content-Type": "application/zip"}
+        session = client.post("/archives", content=archive, headers=zipped).raise_for_status().json()["id"]
+        for stage in ("tcp", "merge"):
+            job = client.post(f"/sessions/{session}/solve/{stage}").raise_for_status().json()
+            assert wait_for(client, job["id"])["status"] == "done"
+        section = client.get(f"/sessions/{session}/merged/section", params={"axis": "z"}).raise_for_status().json()
+        assert section["frame"] == "tool0"
