@@ -5,7 +5,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from calib_core.cell.carriers import scanner_mount, scanner_name, scanner_told, stands_still
+from calib_core.cell.axes import TABLE, frame_of
+from calib_core.cell.carriers import rides_on_axis, scanner_mount, scanner_name, scanner_told, stands_still
 from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
@@ -142,6 +143,15 @@ def table_seen(result: Mapping[str, Any]) -> FoundFrame | None:
         return None
     seen = (one for one in result["frames"] if one["outof"] == "turntable" and one["into"].startswith("laser"))
     return FoundFrame.model_validate(next(seen))
+
+
+def axis_of_table(result: Mapping[str, Any]) -> tuple[str, str]:
+    """Return name and kind of the axis that `base_from_turntable` is of; `table` where the cell names none."""
+    others = {frame["outof"] for frame in result.get("frames") or ()}
+    riding = [ball["in"] for ball in result.get("spheres") or () if rides_on_axis(ball["in"])]
+    own = (name for name in riding if name not in others and name != frame_of(TABLE))
+    name, kinds = next(own, TABLE), {axis["name"]: axis["kind"] for axis in result.get("axes") or ()}
+    return name, kinds.get(name, "rotary")
 
 
 def scanner_answered(result: Mapping[str, Any]) -> tuple[RigidTransform, FloatArray]:

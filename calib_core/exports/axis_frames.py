@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.cell.axes import TABLE, frame_of
+from calib_core.cell.axes import TABLE
+from calib_core.cell.found import axis_of_table
 from calib_core.exports.answer import Answer
 from calib_core.frames import FloatArray, RigidTransform
 
@@ -22,11 +23,7 @@ class AxisFrame:
 
 def table_axis(answer: Answer) -> str:
     """Return the name of the axis that `base_from_turntable` is of; `table` where the cell names none."""
-    result = answer.results.get(answer.stage if answer.stage == "chain" else "turntable", {})
-    others = {frame["outof"] for frame in result.get("frames") or ()}
-    riding = [ball["in"] for ball in result.get("spheres") or () if ball["in"] not in ("base", "tool0")]
-    own = [name for name in dict.fromkeys(riding) if name not in others and name != frame_of(TABLE)]
-    return own[0] if own else TABLE
+    return axis_of_table(answer.results.get(answer.stage if answer.stage == "chain" else "turntable", {}))[0]
 
 
 def other_axes(answer: Answer) -> Iterator[AxisFrame]:

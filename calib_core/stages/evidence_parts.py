@@ -168,9 +168,9 @@ def _at(what: str, mount: str) -> str:
     return message("{what}, mounting {mount}", what=what, mount=mount) if mount else what
 
 
-def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
-    """Return what the uncertainty means where it matters, one row a place."""
-    words = templates({"tool": "Scanner, in its view", "table": "Turntable", "both": "Scanner and table"})
+def workpiece_table(places: Sequence[AtWorkpiece], table: str = "Turntable") -> list[AnyBlock]:
+    """Return what the uncertainty means where it matters, one row a place; `table` is what carries the object."""
+    words = {**templates({"tool": "Scanner, in its view", "both": "Scanner and table"}), "table": table}
     rows: list[Row] = []
     for place in places:
         at = ", ".join(number_text(value, 0) for value in place.point_mm)

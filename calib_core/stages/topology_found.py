@@ -1,9 +1,12 @@
 """Where several scanners are, and the axes that were found: what a cell of more than one of each is told by."""
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from calib_core.cell.axes import TABLE
+from calib_core.cell.found import axis_of_table
 from calib_core.evidence.numbers import number_text, plus_minus
 from calib_core.frames import RigidTransform
 from calib_core.messages import Message, message, templates
@@ -14,6 +17,9 @@ from calib_core.stages.frame_blocks import direction_text, frame_block, open_fra
 
 _KINDS: Final = templates({"rotary": "rotary", "linear": "linear"})
 _PLACES: Final = templates({"tool0": "Scanner {scanner} on the flange", "base": "Scanner {scanner} in base"})
+_TABLES: Final = templates(
+    {"rotary": "Rotary axis {axis} in the robot's base", "linear": "Linear axis {axis} in the robot's base"}
+)
 _ELSEWHERE: Final = message("Scanner {scanner} on {carrier}")
 
 
@@ -45,6 +51,20 @@ def scanner_title(frame: FoundFrame) -> Message:
         one, other = (name.partition(":")[2] for name in (frame.outof, frame.into))
         return message("Scanner {scanner} seen from {other}", scanner=one, other=other)
     return message(_PLACES.get(frame.into, _ELSEWHERE), scanner=frame.scanner, carrier=frame.into)
+
+
+def carrier_name(result: Any) -> Message:
+    """Return what the axis is called that carries the object."""
+    name, kind = axis_of_table(result.model_dump(by_alias=True, include={"frames", "spheres", "axes"}))
+    return message("Turntable") if (name, kind) == (TABLE, "rotary") else message("Axis {axis}", axis=name)
+
+
+def table_title(result: Mapping[str, Any]) -> Message:
+    """Return what the frame is called of the axis that carries the object, of a result as JSON data."""
+    name, kind = axis_of_table(result)
+    if (name, kind) == (TABLE, "rotary"):
+        return message("Turntable in the robot's base")
+    return message(_TABLES[kind], axis=name)
 
 
 def axes_table(result: Any, shown_already: int = 0) -> list[AnyBlock]:

@@ -22,6 +22,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.review.answer import answer_as_read, answer_of_folder
     from calib_core.review.decided_before import decided_before_in
     from calib_core.review.provenance import replayed
+    from calib_core.stages.topology_found import table_title
     from server.console.language import spoken
     from server.console.progress import progress_bar
 
@@ -42,12 +43,16 @@ def _run(options: argparse.Namespace) -> int:
     if answer is None:
         raise ConflictError("a solved session", "no answer yet", "Run `scancell run` on it.", str(options.session))
     answer = answer_as_read(answer, said.language, session.cell.findings)
-    print_result(options, _text(answer, said), answer.to_json())
+    table = table_title(dict(results.get(answer.stage if answer.stage == "chain" else "turntable", {})))
+    print_result(options, _text(answer, said, table), answer.to_json())
     return NOT_ACCEPTED if answer.faults else OK
 
 
-def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
-    """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller."""
+def _text(answer: "SessionAnswer", said: "Catalogue", table: str) -> str:
+    """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller.
+
+    `table` is what the frame of what carries the object is called.
+    """
     from calib_core.evidence.numbers import plus_minus
     from calib_core.evidence.text import result_text
     from calib_core.findings.judgement import judgement
@@ -85,7 +90,7 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     frames: tuple[tuple[AnsweredFrame | None, Frame, Frame, str], ...] = (
         (None if several else answer.tool, "tool0", "laser", "Scanner on the flange"),
         (None if several else answer.base_from_laser, "base", "laser", "Scanner in the robot's base"),
-        (answer.base_from_turntable, "base", "turntable", "Turntable in the robot's base"),
+        (answer.base_from_turntable, "base", "turntable", table),
         (seen, "laser", "turntable", "Turntable seen from the scanner"),
     )
     for found, into, outof, title in frames:

@@ -56,6 +56,9 @@ def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) ->
     titles = [str(block.title) for block in last.evidence]
     for frame in last.frames:
         assert any(f"Scanner {frame.scanner} " in title for title in titles) or frame.scanner is None
+    called = {"table": "Turntable", "slide": "Linear axis slide"}.get(names[-1], f"Rotary axis {names[-1]}")
+    carrying = [title for title in titles if title.endswith("in the robot's base")]
+    assert carrying == ([f"{called} in the robot's base"] if "chain" in results else [])
     shown = [row.cells[0] for block in last.evidence if block.id == "axes" for row in block.rows]
     assert shown == ([axis.name for axis in last.axes] if len(last.axes) > ("chain" in results) else [])
     title = text_of(results["tcp"]).splitlines()[0]

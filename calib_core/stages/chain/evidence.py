@@ -18,7 +18,7 @@ from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
 from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frames, tool_sigmas
 from calib_core.stages.tcp.pose_repeatability import repeatability_table
 from calib_core.stages.tcp.record import TcpResidual
-from calib_core.stages.topology_found import axes_table
+from calib_core.stages.topology_found import axes_table, carrier_name
 from calib_core.stages.turntable.evidence import COLUMNS as TABLE_COLUMNS
 from calib_core.stages.turntable.evidence import (
     axis_figures,
@@ -47,7 +47,7 @@ def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
         *axis_figures(result),
         *axes_table(result, shown_already=1),
         *mountings(result),
-        *workpiece_table(places),
+        *workpiece_table(places, carrier_name(result)),
         *residual_plot(result.residuals),
         *wobble(result.residuals),
         *two_step_blocks(result),

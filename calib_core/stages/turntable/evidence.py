@@ -1,13 +1,14 @@
 """What the turntable's result says of itself; the whole chain's tells its table alike."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from calib_core.cell.found import placed_table
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
 from calib_core.frames import RigidTransform
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
 from calib_core.stages.chain.record import ChainResult
@@ -24,9 +25,10 @@ from calib_core.stages.evidence_parts import (
     workpiece_table,
 )
 from calib_core.stages.frame_blocks import direction_text, frame_block, open_frame
-from calib_core.stages.topology_found import axes_table, scanner_frames
+from calib_core.stages.topology_found import axes_table, carrier_name, scanner_frames, table_title
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
+_HANDS: Final = templates({1: "right-handed", -1: "left-handed"})
 TableLike = TurntableResult | ChainResult
 COLUMNS = (
     ("mount", "Mounting", ""),
@@ -50,7 +52,7 @@ def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
         *axis_figures(result),
         *axes_table(result, shown_already=1),
         *mountings(result),
-        *workpiece_table(places),
+        *workpiece_table(places, carrier_name(result)),
         *residual_plot(result.residuals),
         *wobble(result.residuals),
         *circles(result),
@@ -84,13 +86,12 @@ def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequen
         return frame_block(
             session.cell.pose_convention, frame, believed, id="table", title="Turntable seen from the scanner"
         )
+    told = result.model_dump(by_alias=True)
+    frame, title = placed_table(told), table_title(told)
     if result.up_to_shift is not None:
-        frame = placed_table(result.model_dump())
-        return open_frame(session, frame, "Turntable in the robot's base", result.up_to_shift)
-    frame, believed = placed_table(result.model_dump()), None if result.verdict == "fail" else covariance
-    return frame_block(
-        session.cell.pose_convention, frame, believed, id="table", title="Turntable in the robot's base"
-    )
+        return open_frame(session, frame, title, result.up_to_shift)
+    believed = None if result.verdict == "fail" else covariance
+    return frame_block(session.cell.pose_convention, frame, believed, id="table", title=title)
 
 
 def axis_figures(result: TableLike) -> list[AnyBlock]:
@@ -105,25 +106,32 @@ def axis_figures(result: TableLike) -> list[AnyBlock]:
     known = [k for k, sigma in enumerate(sigmas) if np.isfinite(sigma)]
     decimals = plus_minus(float(np.nanmax([*sigmas, 0.0])), "mm").decimals
     point = ", ".join(number_text(result.axis_point_in_base_mm[k], decimals) for k in known)
-    scale = result.encoder_scale
+    scale, linear = result.encoder_scale, result.reading_sigma_mm is not None
     return [
         Figure(title="Axis", label="Direction in base", text=direction),
         *([Figure(label="A point on it, in base", text=f"({point})\u202fmm")] if len(known) == 3 else []),
+        *([] if linear else [Figure(label="Angles count", text=_HANDS[result.direction])]),
         Figure(
-            label="Angles count", text=message("right-handed") if result.direction == 1 else message("left-handed")
-        ),
-        Figure(
-            label="Scale of the angles off by",
+            label="Scale of the readings off by" if linear else "Scale of the angles off by",
             quantity=quantity(1e6 * scale.error, "ppm", 1e6 * scale.sigma),
             remark="accounted for" if scale.applied else "not accounted for",
         ),
+        *(_off_line(result) if linear else _off_circle(result)),
+    ]
+
+
+def _off_line(result: TableLike) -> list[AnyBlock]:
+    return [
+        Figure(label="Sphere off its line, across, RMS", quantity=rms(result.radial_rms_mm, "mm")),
+        Figure(label="Sphere off its place along the line, RMS", quantity=rms(result.axial_rms_mm, "mm")),
+    ]
+
+
+def _off_circle(result: TableLike) -> list[AnyBlock]:
+    return [
         Figure(label="Sphere off its circle, across, RMS", quantity=rms(result.radial_rms_mm, "mm")),
         Figure(label="Sphere off its circle, along, RMS", quantity=rms(result.axial_rms_mm, "mm")),
-        *(
-            [Figure(label="Sphere off its circle, around, RMS", quantity=rms(result.angle_rms_deg, "°"))]
-            if result.reading_sigma_mm is None
-            else []
-        ),
+        Figure(label="Sphere off its circle, around, RMS", quantity=rms(result.angle_rms_deg, "°")),
     ]
 
 
@@ -135,7 +143,7 @@ def mountings(result: TableLike) -> list[AnyBlock]:
         Row(cells=[one.mount or "–", one.captures, one.radius_mm, *one.center_in_turntable_mm])
         for one in result.mounts
     ]
-    caption = "The sphere's centre in the turntable's frame."
+    caption = "The sphere's centre in the frame of what carries it."
     return [Table(title="Mountings of the sphere", caption=caption, columns=heads, rows=rows)]
 
 
