@@ -123,8 +123,9 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
 def _require_whole_end(body: str, head: Head, where: str, first_line: int) -> None:
     """Refuse a last line without an end whose last number has fewer decimals than all before: it was cut off."""
     *before, last = body[-_END_CHARACTERS:].split("\n")
+    end = last.strip() and head.style.fields(last)[-1].strip()  # a blank was not measured
     decimals = [_decimals(line, head) for line in before[1:] if line.strip()]
-    if last.strip() and len(decimals) > _RUN and len(set(decimals)) == 1 and _decimals(last, head) < decimals[0]:
+    if end and len(decimals) > _RUN and len(set(decimals)) == 1 and _decimals(last, head) < decimals[0]:
         raise InputError(
             "a last line as whole as those before",
             "{line} in line {number}",
