@@ -143,7 +143,7 @@ def mountings(result: TableLike) -> list[AnyBlock]:
         Row(cells=[one.mount or "–", one.captures, one.radius_mm, *one.center_in_turntable_mm])
         for one in result.mounts
     ]
-    caption = "The sphere's centre in the frame of what carries it."
+    caption = message("The sphere's centre in the frame of what carries it.")
     return [Table(title="Mountings of the sphere", caption=caption, columns=heads, rows=rows)]
 
 
