@@ -24,7 +24,7 @@ class OpenDirection:
     axis : str
         Along or about what: "x", or a direction in the frame.
     across : str
-        Of a translation, the flange's axes about which it should be tilted.
+        Of a translation, the axes of what carries the scanner about which the flange should be tilted.
     """
 
     direction: FloatArray
@@ -34,7 +34,7 @@ class OpenDirection:
 
     @property
     def is_rotation(self) -> bool:
-        """Whether it is a rotation of the scanner, about an axis of the laser; else a shift along the flange."""
+        """Whether it is a rotation of the scanner, about an axis of the laser; else a shift on what carries it."""
         return bool(np.any(self.direction[:3]))
 
     @property
@@ -49,13 +49,13 @@ class OpenDirection:
         """What it is and which motion fixes it."""
         if self.is_rotation:
             return message(
-                "the scanner's rotation about laser {axis}: move the scanner sideways and towards the sphere "
-                "without turning it",
+                "the scanner's rotation about laser {axis}: move the flange so that the sphere is seen farther "
+                "aside and at another distance, without turning it",
                 axis=self.told,
             )
         return message(
-            "the scanner's position along flange {axis}: no sufficient rotation about an axis across it yet; tilt "
-            "the flange about its axes {across}, one of them at least",
+            "the scanner's position along {axis} of what carries it: no sufficient rotation about an axis across "
+            "it yet; tilt the flange about {across} of that frame, one of them at least",
             axis=self.told,
             across=self.across.split(", "),
         )

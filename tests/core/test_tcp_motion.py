@@ -10,6 +10,7 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import solve_tcp
 from calib_core.chain.tcp_given import TcpOptions
 from calib_core.chain.tcp_solution import TcpSolution
+from calib_core.chain.undetermined import open_directions
 from calib_core.errors import MotionError
 from calib_core.findings import judgement
 from calib_core.frames import RigidTransform, rotation_from_vector
@@ -199,3 +200,10 @@ def test_a_left_handed_scanner_does_not_pass() -> None:
     turned = cell.truth @ RigidTransform.of(rotation_from_vector([0, 0, np.pi]), [0, 0, 0], "laser", "laser")
     error = turned.difference(solution.joint.mount_from_laser)
     assert error @ np.linalg.solve(solution.covariance[:6, :6], error) < 27.9
+
+
+def test_what_is_open_is_told_whatever_carries_the_scanner() -> None:
+    told = [str(one.description) for one in open_directions(np.eye(6) * 1e4)]
+    assert len(told) == 6
+    assert all("move the flange so that the sphere" in text for text in told[:3])
+    assert all("of what carries it" in text for text in told[3:])

@@ -19,7 +19,7 @@ ROTATION_OPEN = Code(
     "tool-rotation-undetermined",
     "error",
     text="Not determined: the scanner's rotation about laser {axes}.",
-    to_do="Move the scanner sideways and towards the sphere without turning it.",
+    to_do="Move the flange so that the sphere is seen farther aside and at another distance, without turning it.",
     meaning="The captures leave a rotation of the scanner on the flange open: the answer is one of many.",
     decided="A rotation's standard deviation is above 2°.",
     usual_causes="The sphere always appears at one place of the scanner's field.",
@@ -82,9 +82,9 @@ TOOL_MIRRORED = Code(
 POSITION_OPEN = Code(
     "tool-position-undetermined",
     "error",
-    text="Not determined: the scanner's position along flange {axes}: no sufficient rotation about an axis across "
-    "it yet.",
-    to_do="Tilt the flange about its axes {across}, one of them at least.",
+    text="Not determined: the scanner's position along {axes} of what carries it: no sufficient rotation about an "
+    "axis across it yet.",
+    to_do="Tilt the flange about {across} of that frame, one of them at least.",
     meaning="The captures leave a shift of the scanner on the flange open: the answer is one of many.",
     decided="A shift's standard deviation is above 5 mm.",
     usual_causes="The flange was turned about one axis alone, or not at all.",
@@ -95,7 +95,7 @@ ROTATION_WEAK = Code(
     "tool-rotation-weak",
     "warning",
     text="Weakly determined: the scanner's rotation about laser {axes}.",
-    to_do="Move the scanner sideways and towards the sphere without turning it.",
+    to_do="Move the flange so that the sphere is seen farther aside and at another distance, without turning it.",
     meaning="The captures fix a rotation of the scanner less well than others. The stated uncertainty holds it.",
     decided="A rotation's standard deviation is large, but below the limit of 2° beyond which it is undetermined.",
     usual_causes="Few captures, or a sphere that appears at nearly one place of the scanner's field.",
@@ -104,9 +104,9 @@ ROTATION_WEAK = Code(
 POSITION_WEAK = Code(
     "tool-position-weak",
     "warning",
-    text="Weakly determined: the scanner's position along flange {axes}: no sufficient rotation about an axis "
-    "across it yet.",
-    to_do="Tilt the flange about its axes {across}, one of them at least.",
+    text="Weakly determined: the scanner's position along {axes} of what carries it: no sufficient rotation about "
+    "an axis across it yet.",
+    to_do="Tilt the flange about {across} of that frame, one of them at least.",
     meaning="The captures fix a shift of the scanner less well than others. The stated uncertainty holds it.",
     decided="A shift's standard deviation is large, but below the limit of 5 mm beyond which it is undetermined.",
     usual_causes="Small tilts, or tilts about nearly one axis.",
