@@ -20,6 +20,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -410,7 +411,7 @@ def _taken(rig: Rig, found: Trial, wire: Wire) -> Callable[[Capture, Mapping[str
         assert capture.pose is not None
         assert capture.device_time_s is not None
         of_day_s = time.time() - time.monotonic()  # a file's time is of the day, a sensor's here is the host's
-        exposed_s = wire.exposed_s.get(next(iter(files.values())), capture.device_time_s)
+        exposed_s = wire.exposed_s.get(_what_was_seen(*files.items()), capture.device_time_s)
         true = rig.cell.at(exposed_s - (of_day_s if exposed_s > of_day_s else 0.0))
         told = parse_pose(rig.simulated.session.cell.pose_convention, capture.pose)
         off_mm = np.linalg.norm(told.translation_mm - true.reported[:3, 3])
@@ -422,6 +423,17 @@ def _taken(rig: Rig, found: Trial, wire: Wire) -> Callable[[Capture, Mapping[str
         return Measured(capture=capture.id, kind=capture.kind, verdict="pass")
 
     return take
+
+
+def _what_was_seen(file: tuple[str, bytes], *_: object) -> bytes:
+    """Return what a file is known by: a profile by its bytes, an image by those of its pixels."""
+    import cv2
+
+    name, content = file
+    if not name.endswith(".bmp"):
+        return content
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    return sha256(image.tobytes()).digest()
 
 
 def _cell(rig: Rig, way: str) -> tuple[Cell, Optics]:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from hashlib import sha256
 from io import BytesIO
 from typing import Any
 
@@ -307,7 +308,9 @@ def _genicam(rig: Rig, wire: Wire) -> Iterator[Settings]:
 
     def seen() -> _Seen:
         now_s = host_now_s()
-        return _Seen(now_s, now_s, lens.image(rig.cell.points(now_s, rng), rng))
+        image = lens.image(rig.cell.points(now_s, rng), rng)
+        wire.exposed_s[sha256(image.tobytes()).digest()] = now_s
+        return _Seen(now_s, now_s, image)
 
     stream = FaultyStream(seen, wire)
 

@@ -20,6 +20,8 @@ export const elements = {
   },
 };
 
+const IN_FRAME = /** @type {const} */ ({ turntable: "merge.in_table", base: "merge.in_base", tool0: "merge.in_flange" });
+
 /** @param {MergeResult} result @param {string} sessionId */
 function files(result, sessionId) {
   const link = (/** @type {string} */ stem, /** @type {string} */ format) =>
@@ -34,5 +36,5 @@ function files(result, sessionId) {
     h("h2", { id: "merge-files" }, t("merge.files")),
     result.cloud ? row(t("merge.cloud"), "merged", "cloud") : h("p", {}, t("merge.no_cloud")),
     result.mesh && row(t("merge.mesh_file"), "mesh", "mesh"),
-    h("p", { class: "soft small" }, t({ turntable: "merge.in_table", base: "merge.in_base", tool0: "merge.in_flange" }[result.frame]), " ", t("merge.units")));
+    h("p", { class: "soft small" }, t(IN_FRAME[result.frame]), " ", t("merge.units")));
 }
