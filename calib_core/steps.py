@@ -74,8 +74,6 @@ class StageDeclaration:
         Whether later stages can do without it.
     is_second_opinion : bool
         Whether `all` goes on where its captures do not determine it.
-    any_arrangement : bool
-        Whether it is solved for a scanner that stands still, too.
     needs_every_step : bool
         Whether it is solved only where each of its steps has captures.
     planned : bool
@@ -102,7 +100,6 @@ class StageDeclaration:
     frames: ClassVar[Mapping[str, str]] = {}
     optional: bool = False
     is_second_opinion: bool = False
-    any_arrangement: bool = False
     needs_every_step: bool = False
     planned: bool = False
     settings_field: str | None = None

@@ -26,11 +26,6 @@ def scanner_names(cell: Cell) -> tuple[str, ...]:
     return tuple(cell.scanners or ())
 
 
-def arrangement_of(cell: Cell) -> str:
-    """Return how scanner and ball of the TCP's captures are arranged, as records call it."""
-    return "sphere-on-robot" if ball_on_flange(cell) else "scanner-on-robot"
-
-
 def other_end(mount: Carrier) -> Carrier:
     """Return what carries a ball of which nothing is told: the robot's other end, from its scanner."""
     return "tool0" if mount == "base" else "base"

@@ -60,12 +60,6 @@ class Stage(StageDeclaration):
         """Return whether the user brings what it would give, so that it is not solved."""
         return any(getattr(session.cell.known, field) is not None for field in self.known)
 
-    def suits(self, session: "Session") -> bool:
-        """Return whether it is solved for what the robot carries in a session."""
-        from calib_core.cell.carriers import ball_on_flange
-
-        return self.any_arrangement or not ball_on_flange(session.cell)
-
     def has_captures(self, session: "Session") -> bool:
         """Return whether a session has captures that it can be solved from."""
         steps = {capture.step for capture in session.captures}

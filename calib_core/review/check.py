@@ -57,7 +57,6 @@ def check_session(
         *_names(session),
         *_chain(session),
         *_unfit(session),
-        *_unsuited(session, used),
         *_doubtful(used, read),
         *overdue_certificates(session, now()),
         *certificate_findings(session, read),
@@ -111,14 +110,6 @@ def _unfit(session: Session) -> Iterator[Finding]:
         except CalibrationError as error:
             yield _found(error)
             return
-
-
-def _unsuited(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
-    """Name the captures of stages that are not solved for what the robot carries."""
-    for stage in stages():
-        own = [c.id for c in used if stage.step is not None and c.step == stage.step.name]
-        if own and not stage.suits(session):
-            yield codes.STAGE_NOT_SUPPORTED(own, where="captures", stage=stage.name)
 
 
 def _missing(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:

@@ -3,7 +3,6 @@
 from numpy.linalg import LinAlgError
 
 from calib_core.captures.solved_optics import remembered
-from calib_core.cell.carriers import arrangement_of
 from calib_core.cell.consistency import require_consistent
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.findings import judged
@@ -69,7 +68,7 @@ def stages_to_solve(session: Session) -> list[str]:
     """
     if not any(stage_captures(session, stage.name) for stage in stages()):
         _require_captures([], answer_stages()[-1])
-    some = [s for s in stages() if s.suits(session) and not s.is_brought(session) and s.has_captures(session)]
+    some = [s for s in stages() if not s.is_brought(session) and s.has_captures(session)]
     return [s.name for s in some if s.is_wanted(session) or not s.optional]
 
 
@@ -156,15 +155,6 @@ def stage_input(
     _require_captures(stage_captures(session, stage), entry)
     if stage not in optics_stages():
         require_consistent(session.cell, session.captures)
-    if not entry.suits(session):
-        raise InputError(
-            "a cell whose scanner is on the robot for the stage '{stage}'",
-            "the arrangement '{arrangement}', for which it is not supported yet",
-            "Solve the stage 'tcp': it finds the scanner in base.",
-            "cell.arrangement",
-            stage=stage,
-            arrangement=arrangement_of(session.cell),
-        )
     solved = kept or Kept()
     graph = solved.graph = solved.graph or Graph.of_files(session, read)
     for name in optics_stages():

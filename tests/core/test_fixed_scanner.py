@@ -109,15 +109,3 @@ def test_the_guide_speaks_of_the_ball_on_the_flange() -> None:
     result = simulated.session.to_json() and cc.OpenSession(session, simulated.files.__getitem__).run()["tcp"]
     stale = guide(session, [], {"tcp": result}, stale={"tcp"})
     assert stale.current.instruction
-
-
-def test_what_is_not_solved_for_it_is_refused_in_a_sentence_and_told_by_the_check() -> None:
-    session, _ = cc.simulate("fixed-scanner", 8)
-    captures = [
-        c.model_copy(update={"step": "recheck"}) if k > 10 else c for k, c in enumerate(session.record.captures)
-    ]
-    opened = cc.OpenSession(session.record.model_copy(update={"captures": captures}), session.read)
-    assert set(opened.run()) == {"tcp"}
-    with pytest.raises(cc.CalibrationError, match="not supported yet"):
-        opened.run("recheck")
-    assert any("not supported yet" in str(finding) for finding in opened.check())

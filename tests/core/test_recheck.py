@@ -164,3 +164,41 @@ def test_no_joint_is_named_where_another_thing_moved() -> None:
     assert {tracker.rounds[0].joint, ball.rounds[0].joint} == {None}
     assert not tracker.holds
     assert not ball.holds
+
+
+def recaptured(name: str, shifted: str | None = None, shift_mm: float = 0.0) -> RecheckResult:
+    """Return what captures of the planned poses say, made again with other noise, one scanner shifted along x."""
+    opened, _ = cc.simulate(name, 1)
+    record, files = opened.record.to_json(), {one: opened.read(one) for c in opened.captures for one in c.files}
+    results = {stage: result.to_json() for stage, result in opened.run().items()}
+    plan, by_id = recheck_plan(opened.record, results), {one["id"]: one for one in record["captures"]}
+    rng = np.random.default_rng(3)
+    for capture in [by_id[pose.capture] for pose in plan.poses]:
+        again = f"captures/again-{capture['id']}.csv"
+        x, z = np.genfromtxt(files[capture["files"][0]].decode().splitlines()[1:], delimiter=",").T
+        off_mm = shift_mm if capture.get("scanner") == shifted else 0.0
+        z = z + 0.02 * rng.standard_normal(len(z))
+        files[again] = (
+            "x_mm,z_mm\n" + "".join(f"{a + off_mm:.4f},{b:.4f}\n" for a, b in zip(x, z, strict=True))
+        ).encode()
+        record["captures"].append({**capture, "id": f"r-{capture['id']}", "step": "recheck", "files": [again]})
+    session = parse_session(record, "session")
+    assert recheck_plan(session, results).still_needed == 0
+    result = run(session, files.__getitem__, "recheck")["recheck"]
+    assert isinstance(result, RecheckResult)
+    return result
+
+
+@pytest.mark.thorough(keep=1)
+@pytest.mark.parametrize(
+    ("name", "poses", "shifted"),
+    [("scanners-on-flange-and-base", 6, "gate"), ("fixed-scanner-turntable", 3, None), ("plate", 3, None)],
+)
+def test_each_scanner_is_rechecked_by_its_own_poses(name: str, poses: int, shifted: str | None) -> None:
+    holds = recaptured(name)
+    assert (holds.holds, holds.verdict, len(holds.residuals)) == (True, "pass", poses)
+    changed = recaptured(name, shifted, 1.5)
+    assert not changed.holds
+    assert changed.rounds[0].scanner == shifted
+    assert changed.change_mm == pytest.approx(1.5, abs=1.5 * changed.uncertainty_mm)
+    assert shifted is None or f"'{shifted}'" in str(changed.warnings)

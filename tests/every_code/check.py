@@ -56,15 +56,9 @@ def in_order(*places: int) -> Case:
     return check(captures, pose_convention="kuka")
 
 
-def repeated(arrangement: str) -> Case:
-    """Return what a check says of captures of a recheck, in an arrangement."""
-    return check([{**c, "step": "recheck"} for c in TCP[:3]], arrangement=arrangement)
-
-
 CASES: dict[str, tuple[Case, Case]] = {
     "input-not-usable": (check(sphere_diameter_mm=None), check()),
     "unknown-field": (check(spere_class="G100"), check()),
-    "stage-not-supported": (repeated("sphere-on-robot"), repeated("scanner-on-robot")),
     "no-tcp-captures": (check([{**c, "pose": TABLE[0]["pose"]} for c in TABLE]), check(TABLE)),
     "no-tcp-captures-yet": (boards, check()),
     "stage-brought": (check(known={"tool0_from_laser": np.eye(4).tolist()}), check()),

@@ -23,20 +23,6 @@ UNKNOWN_FIELD = Code(
     usual_causes="A typing error, a field of another program.",
 )
 
-STAGE_NOT_SUPPORTED = Code(
-    "stage-not-supported",
-    "warning",
-    text=Plural(
-        "{captures} (step '{stage}') is kept but not used: its stage is not supported yet for a scanner that stands "
-        "still.",
-        "{captures} (step '{stage}') are kept but not used: their stage is not supported yet for a scanner that stands "
-        "still.",
-    ),
-    meaning="The stage is solved for a scanner on the flange alone.",
-    decided="The cell's arrangement is not one that the stage knows.",
-    usual_causes="Captures of a turntable beside a scanner that stands still.",
-)
-
 NO_SPHERE_CAPTURES = Code(
     "no-tcp-captures",
     "error",

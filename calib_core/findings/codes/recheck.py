@@ -15,11 +15,15 @@ CALIBRATION_CHANGED = Code(
     "calibration-changed",
     "error",
     text={
-        "tool": "The scanner sits differently on the flange: a point is seen {change_mm:.2f} ± {uncertainty_mm:.2f} mm from where "
-        "it was seen.",
-        "sphere": "The sphere or the robot's base moved by {change_mm:.2f} ± {uncertainty_mm:.2f} mm; the tool may still hold.",
+        "tool": "The scanner sits differently: a point is seen {change_mm:.2f} ± {uncertainty_mm:.2f} mm from where it was seen.",
+        "tool-of-one": "The scanner '{scanner}' sits differently: a point is seen {change_mm:.2f} ± {uncertainty_mm:.2f} mm from "
+        "where it was seen.",
+        "sphere": "The sphere or the robot's base moved by {change_mm:.2f} ± {uncertainty_mm:.2f} mm; the scanner may be where it "
+        "was.",
         "tool-or-sphere": "Scanner or sphere moved: a point is seen {change_mm:.2f} ± {uncertainty_mm:.2f} mm from where it was "
         "seen.",
+        "tool-or-sphere-of-one": "The scanner '{scanner}' or the sphere moved: a point is seen {change_mm:.2f} ± "
+        "{uncertainty_mm:.2f} mm from where it was seen.",
         "joint": "The zero of joint {joint} moved by {deg:.3f} ± {uncertainty_deg:.3f}°: the captures lie {change_mm:.2f} ± "
         "{uncertainty_mm:.2f} mm off.",
         "unclear": "The captures differ by {change_mm:.2f} ± {uncertainty_mm:.2f} mm from those of the calibration in a way that "
@@ -27,8 +31,10 @@ CALIBRATION_CHANGED = Code(
     },
     to_do={
         "tool": "Calibrate again.",
+        "tool-of-one": "Calibrate again.",
         "sphere": "Put the sphere back, or calibrate again.",
         "tool-or-sphere": "Poses turned further apart tell which.",
+        "tool-or-sphere-of-one": "Poses turned further apart tell which.",
         "joint": "Have the robot's zeros checked, then calibrate again.",
         "unclear": "See each capture, then calibrate again.",
     },

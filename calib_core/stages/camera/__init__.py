@@ -20,7 +20,6 @@ class Camera(Stage):
 
     name, title, place = "camera", "Camera", 10
     method_revision = 11  # the contrast about a corner falls off as over the whole board
-    any_arrangement = True
     step = CaptureStep(
         "camera",
         "Camera",

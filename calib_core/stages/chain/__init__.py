@@ -20,7 +20,6 @@ class Chain(Stage):
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
     method_revision = 23  # captures at one stop share all that errs there
-    any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True

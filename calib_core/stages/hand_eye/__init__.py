@@ -25,7 +25,6 @@ class BoardHandEye(Stage):
         **dict.fromkeys(("tool0_from_camera", "base_from_camera"), "covariance"),
         **dict.fromkeys(("base_from_board", "tool0_from_board"), "board_covariance"),
     }
-    any_arrangement = True
     optional = True
     is_second_opinion = True
     method_revision = 5  # the contrast about a corner falls off as over the whole board

@@ -16,7 +16,6 @@ class LaserPlane(Stage):
 
     name, title, place = "laser-plane", "Laser plane", 20
     method_revision = 12  # a board left out widens no ±; one that scatters as the others do is not left out
-    any_arrangement = True
     step = CaptureStep(
         "laser-plane",
         "Laser plane",

@@ -32,7 +32,6 @@ class Merge(Stage):
     )  # fmt: skip
     after = ("camera", "laser-plane", "tcp", "turntable", "chain")
     guided = ("scan", "merge")
-    any_arrangement = True
     settings_field = "merge"
     layers = ("merged", "scans")
 

@@ -95,7 +95,7 @@ def compared(
     then: Observations,
     now: Observations,
     radius_mm: float,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     tool: Tool,
     alike: Alike | None = None,
     zeros: Mapping[int, int] | None = None,
@@ -106,8 +106,8 @@ def compared(
     ----------
     then, now : K observations each, the k-th of one pose
     radius_mm : float
-    center_in_base_mm : (3,)
-        The sphere as the calibration found it.
+    center_mm : (3,) or (K, 3)
+        The sphere as the calibration found it on what carries it; or each capture's, of several.
     tool : Tool
         The calibration's; of its uncertainty only that of the robot's poses counts, for the tool's own cancels.
     alike : Alike, optional
@@ -116,15 +116,15 @@ def compared(
 
     Notes
     -----
-    Tested are a shift of the scanner on its flange (3 degrees of freedom), a shift of the sphere in base (3), and
+    Tested are a shift of the scanner on what carries it (3 degrees of freedom), one of the spheres (3), and
     whatever else moves the figures (3 K).  What is named is what explains them: a tool that shifted and turned, a
     sphere that shifted, or one joint's zero where that is far likelier than either.
     """
-    before, noise_before, _, _, _ = linearised(then, radius_mm, center_in_base_mm, tool)
-    after, noise_after, by_center, by_tool, _ = linearised(now, radius_mm, center_in_base_mm, tool)
+    before, noise_before, _, _, _ = linearised(then, radius_mm, center_mm, tool)
+    after, noise_after, by_center, by_tool, _ = linearised(now, radius_mm, center_mm, tool)
     differences = after - before
-    covariances = noise_before + noise_after + _not_cancelled(then, now, radius_mm, center_in_base_mm, tool, alike)
-    turns = np.array([(o.base_from_tool0 @ tool.mount_from_laser).rotation for o in now])
+    covariances = noise_before + noise_after + _not_cancelled(then, now, radius_mm, center_mm, tool, alike)
+    turns = np.array([(o.ball_from_scanner @ tool.mount_from_laser).rotation for o in now])
     by_laser = by_center @ turns  # how the figures follow the sphere's place in L
     weights: FloatArray = np.asarray(np.linalg.inv(covariances), dtype=np.float64)
     whole = float(np.einsum("ki,kij,kj->", differences, weights, differences))
@@ -139,7 +139,7 @@ def compared(
         by_turn = chance_of(left_of_turn, max(freedom - 6, 1))
         by_shift = chance_of(left_of_sphere, max(freedom - 3, 1))
         changed = _what(by_turn > _EXPLAINED, by_shift > _EXPLAINED)
-        by_joint = by_errors_of_arm(now, center_in_base_mm, by_center, zeros or {})
+        by_joint = by_errors_of_arm(now, center_mm, by_center, zeros or {})
         others = [by_center * SHIFTED_MM, by_tool * [*[TURNED_RAD] * 3, *[SHIFTED_MM] * 3]]
         others = [one.reshape(freedom, -1) for one in others]
         bump = bumped(by_joint, others, differences.ravel(), block_diagonal(covariances))
@@ -171,7 +171,7 @@ def _not_cancelled(
     then: Observations,
     now: Observations,
     radius_mm: float,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     tool: Tool,
     alike: Alike | None,
 ) -> FloatArray:
@@ -180,7 +180,7 @@ def _not_cancelled(
         return np.zeros((len(now), 3, 3))
     still = Tool(tool.mount_from_laser, tool.covariance, 0.0, 0.0)
     moving = Tool(tool.mount_from_laser, tool.covariance, alike.position_sigma_mm, alike.orientation_sigma_rad)
-    own = linearised(now, radius_mm, center_in_base_mm, still)[1]
-    more = linearised(now, radius_mm, center_in_base_mm, moving)[1] - own
+    own = linearised(now, radius_mm, center_mm, still)[1]
+    more = linearised(now, radius_mm, center_mm, moving)[1] - own
     shares = np.array([alike.apart(one, other) for one, other in zip(then, now, strict=True)])
     return more * shares[:, None, None]

@@ -1,20 +1,21 @@
 """The recheck's step: three poses of the calibration again, the sphere still in its place."""
 
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from calib_core.captures.poses import base_from_tool0_by_capture
+from calib_core.cell.carriers import scanner_name
 from calib_core.errors import CalibrationError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
-from calib_core.records import GuideNow, Matrix4, Record, ResultsData, Session
+from calib_core.records import Capture, GuideNow, Matrix4, Record, ResultsData, Session
 from calib_core.records.base import Finite
 from calib_core.stages.guide import GuideView
 from calib_core.stages.recheck.solve import ENOUGH, is_repeated, require_still_sphere
 from calib_core.stages.reviewed import review
-
-_EXIT = message("{enough} poses of the calibration were captured again.", enough=ENOUGH)
 
 
 class RepeatedPose(Record):
@@ -41,7 +42,7 @@ class RecheckPlan(Record):
 
 
 def recheck_plan(session: Session, results: ResultsData) -> RecheckPlan:
-    """Return the poses to repeat: three that the answer used, turned furthest apart.
+    """Return the poses to repeat: three of each scanner that the answer used, turned furthest apart.
 
     Raises
     ------
@@ -59,20 +60,26 @@ def recheck_plan(session: Session, results: ResultsData) -> RecheckPlan:
         raise MotionError("a calibration that was solved from captures of this session", "none", to_do, "captures")
     again = [c for c in session.captures if c.step == "recheck" and not c.excluded and c.pose is not None]
     poses = base_from_tool0_by_capture(session.cell, [*candidates, *again])
-    chosen = _furthest_apart([poses[c.id] for c in candidates])
+    by = {c.id: scanner_name(session.cell, c) for c in (*candidates, *again)}
+    of_each = [[c for c in candidates if by[c.id] == name] for name in dict.fromkeys(by.values())]
+
+    def repeats(one: Capture, other: Capture) -> bool:
+        return by[one.id] == by[other.id] and is_repeated(poses[one.id], poses[other.id])
+
     rows = [
         RepeatedPose(
             capture=c.id,
             pose=list(c.pose or []),
             base_from_tool0=poses[c.id].to_rows(),
-            captured=next((a.id for a in reversed(again) if is_repeated(poses[a.id], poses[c.id])), None),
+            captured=next((a.id for a in reversed(again) if repeats(a, c)), None),
             axes_deg=c.axes_deg,
             axes_mm=c.axes_mm,
             scanner=c.scanner,
         )
-        for c in (candidates[k] for k in chosen)
+        for own in of_each
+        for c in _furthest_apart(own, poses)
     ]
-    needed = max(min(ENOUGH, len(rows)) - len(again), 0)
+    needed = max(len(rows) - len(again), 0)
     return RecheckPlan(pose_convention=session.cell.pose_convention, poses=rows, still_needed=needed)
 
 
@@ -87,18 +94,20 @@ def guide(view: GuideView) -> GuideNow | None:
         return review(fresh, look, step="recheck", exit_="It holds: go on scanning. It does not: calibrate again.")
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
     seen = sum(capture.id not in refused for capture in captures)
-    if seen < ENOUGH:
+    poses = _poses(view)
+    enough = len(poses) or ENOUGH
+    if seen < enough:
         return GuideNow(
             step="recheck",
             stage="recheck",
             action="capture",
             instruction="Drive to another pose of the calibration and capture the sphere again, in its place.",
             why="The robot repeats a pose well: what is seen differently now has changed since.",
-            exit=_EXIT,
+            exit=message("{enough} poses of the calibration were captured again.", enough=enough),
             drawing="tcp-turn",
-            progress=message("{seen} of {enough} captures", seen=seen, enough=ENOUGH),
-            still_needed=ENOUGH - seen,
-            **_next_pose(view),
+            progress=message("{seen} of {enough} captures", seen=seen, enough=enough),
+            still_needed=enough - seen,
+            **_next_pose(poses),
         )
     return GuideNow(
         step="recheck",
@@ -112,26 +121,28 @@ def guide(view: GuideView) -> GuideNow | None:
     )
 
 
-def _next_pose(view: GuideView) -> dict[str, Any]:
-    try:
-        plan = recheck_plan(view.session, view.results)
-    except CalibrationError:
-        return {}
-    left = next((pose for pose in plan.poses if pose.captured is None), None)
+def _poses(view: GuideView) -> list[RepeatedPose]:
+    with suppress(CalibrationError):
+        return recheck_plan(view.session, view.results).poses
+    return []
+
+
+def _next_pose(poses: list[RepeatedPose]) -> dict[str, Any]:
+    left = next((pose for pose in poses if pose.captured is None), None)
     if left is None:
         return {}
     note = message("the pose of {capture}", capture=left.capture)
     return {"suggested_pose": left.base_from_tool0, "suggested_pose_numbers": left.pose, "suggested_note": note}
 
 
-def _furthest_apart(poses: list[RigidTransform]) -> list[int]:
-    """Return three of the poses, each the furthest turned from those before it."""
-    if len(poses) <= ENOUGH:
-        return list(range(len(poses)))
-    turns = np.array([[one.difference(other)[:3] for other in poses] for one in poses])
+def _furthest_apart(captures: list[Capture], poses: Mapping[str, RigidTransform]) -> list[Capture]:
+    """Return three of the captures, each turned furthest from those before it."""
+    if len(captures) <= ENOUGH:
+        return captures
+    turns = np.array([[poses[one.id].difference(poses[other.id])[:3] for other in captures] for one in captures])
     apart = np.linalg.norm(turns, axis=2)
     chosen = [int(np.argmax(apart.sum(axis=1)))]
     while len(chosen) < ENOUGH:
-        left = np.where(np.isin(np.arange(len(poses)), chosen), -1.0, apart[:, chosen].min(axis=1))
+        left = np.where(np.isin(np.arange(len(captures)), chosen), -1.0, apart[:, chosen].min(axis=1))
         chosen.append(int(np.argmax(left)))
-    return sorted(chosen)
+    return [captures[k] for k in sorted(chosen)]

@@ -31,12 +31,14 @@ class RecheckRound(Record):
     """One round of a recheck: each pose captured once.
 
     `change_mm` ± `uncertainty_mm` (k = 2, worst direction) is how far the scanner now sees a point of the
-    workpiece from where it saw it at the calibration, `change_in_laser_mm` the same by axis.  `chance` is how
+    workpiece from where it saw it at the calibration, `change_in_laser_mm` the same by axis; of several scanners
+    it is `scanner`, the one whose change is least likely chance.  `chance` is how
     often an unchanged cell shows as much.  `joint` is the one whose zero moved, counted from 1, by `joint_deg` ±
     `joint_uncertainty_deg` (k = 2), where that explains the change.
     """
 
     captures: list[str]
+    scanner: str | None = None
     change_mm: float
     uncertainty_mm: float
     change_in_laser_mm: Vector3

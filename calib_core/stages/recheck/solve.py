@@ -1,6 +1,6 @@
 """The recheck stage: repeated captures found by their poses and compared, round by round."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MotionError
 from calib_core.findings import Finding, judgement, reasons_of, sentence_of
 from calib_core.findings.codes import recheck as codes
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.records import Session
@@ -33,16 +33,18 @@ _NEAR_MM, _NEAR_RAD = 20.0, float(np.deg2rad(3.0))
 
 @dataclass(frozen=True, eq=False)
 class _Stop:
-    """What was seen with the flange where the axes brought it, and the arm's own pose."""
+    """What was seen with the flange where the axes brought it, the arm's own pose, the ball's centre (3,)."""
 
     seen: SphereObservation
     arm: RigidTransform
+    center_mm: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
     then: SphereObservation
     now: SphereObservation
+    center_mm: FloatArray
     round: int
 
 
@@ -67,11 +69,13 @@ def solve(given: StageInput) -> RecheckResult:
     used = {row.capture for row in answer.residuals if row.used}
     on = on_axes(observed.observations, given.captures, axes_of_answer(given.session.cell, answer))
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
-    tool, center = Tool.of(answer).exact, np.array(answer.sphere_center_in_base_mm)
-    on = tool.straightened(on, center, sphere.radius_mm)
-    stops = [_Stop(seen, o.base_from_tool0) for seen, o in zip(on, observed.observations, strict=True)]
-    then = [stop for stop in stops if stop.seen.capture not in own and stop.seen.capture in used]
-    pairs, alone = _paired([stop for stop in stops if stop.seen.capture in own], then)
+    tool = Tool.of(answer).exact
+    centers = [tool.nearest_ball(one, sphere)[2] for one in on]
+    on = tool.straightened(on, np.array(centers), sphere.radius_mm)
+    each = zip(on, observed.observations, centers, strict=True)
+    stops = [_Stop(seen, o.base_from_tool0, center) for seen, o, center in each]
+    before = [stop for stop in stops if stop.seen.capture not in own and stop.seen.capture in used]
+    pairs, alone = _paired([stop for stop in stops if stop.seen.capture in own], before)
     if not pairs:
         lost = [reason for name, reason in reasons_of(observed.unused).items() if name in own]
         need = "captures with step 'recheck' from poses of the calibration"
@@ -88,12 +92,15 @@ def solve(given: StageInput) -> RecheckResult:
     told: list[RecheckRound] = []
     rows: list[RecheckResidual] = []
     for number in rounds:
-        of_round = [pair for pair in pairs if pair.round == number]
-        change = compared(
-            [p.then for p in of_round], [p.now for p in of_round], sphere.radius_mm, center, tool, alike, zeros
-        )
-        told.append(_told(of_round, change))
-        rows += _rows(of_round, change)
+        changes: list[tuple[list[_Pair], Change]] = []
+        for scanner in dict.fromkeys(pair.now.scanner for pair in pairs if pair.round == number):
+            own = [pair for pair in pairs if (pair.round, pair.now.scanner) == (number, scanner)]
+            then, now = [pair.then for pair in own], [pair.now for pair in own]
+            center = np.array([pair.center_mm for pair in own])
+            mount = tool.of_scanner(scanner)
+            changes.append((own, compared(then, now, sphere.radius_mm, center, mount, alike, zeros)))
+            rows += _rows(*changes[-1])
+        told.append(_told(changes))
     out = {capture.id: str(EXCLUDED) for capture in given.captures if capture.excluded}
     not_repeated = [codes.POSE_NOT_REPEATED(alone)] if alone else []
     reasons = {**out, **reasons_of([*observed.unused, *not_repeated])}
@@ -101,7 +108,9 @@ def solve(given: StageInput) -> RecheckResult:
     rows += [RecheckResidual(capture=name, used=False, reason=reason) for name, reason in unused.items()]
     order = [capture.id for capture in given.captures if capture.step == "recheck"]
     last = told[-1]
-    found = _noticed(last, len({pair.now.capture for pair in pairs if pair.round == rounds[-1]}))
+    again = {(pair.now.scanner, pair.now.capture) for pair in pairs if pair.round == rounds[-1]}
+    scanners = {stop.seen.scanner for stop in before}
+    found = _noticed(last, {name: sum(name == by for by, _ in again) for name in scanners})
     return RecheckResult(
         method="figures of repeated captures, now minus then, by their noise and the robot's repeatability",
         software=SOFTWARE,
@@ -136,15 +145,15 @@ def _paired(now: Sequence[_Stop], then: Sequence[_Stop]) -> tuple[list[_Pair], l
     alone: list[str] = []
     number, repeated = 1, dict[str, str]()
     for stop in now:
-        one, alike = stop.seen, [other for other in then if other.seen.kind == stop.seen.kind]
-        nearest = min(alike, key=lambda other: _distance(stop, other), default=None)
+        one, alike = stop.seen, [other for other in then if _alike(stop.seen, other.seen)]
+        nearest = min(alike, key=lambda other: (_distance(stop, other), _beside(stop, other)), default=None)
         if nearest is None or _distance(stop, nearest) > 1:
             alone.append(one.capture)
             continue
         if repeated.get(nearest.seen.capture, one.capture) != one.capture:
             number, repeated = number + 1, {}
         repeated[nearest.seen.capture] = one.capture
-        pairs.append(_Pair(nearest.seen, one, number))
+        pairs.append(_Pair(nearest.seen, one, nearest.center_mm, number))
     paired = {pair.now.capture for pair in pairs}
     return pairs, [name for name in dict.fromkeys(alone) if name not in paired]
 
@@ -152,6 +161,15 @@ def _paired(now: Sequence[_Stop], then: Sequence[_Stop]) -> tuple[list[_Pair], l
 def is_repeated(one: RigidTransform, other: RigidTransform) -> bool:
     """Return whether a pose counts as another one repeated."""
     return _apart(one, other) <= 1
+
+
+def _alike(one: SphereObservation, other: SphereObservation) -> bool:
+    return (one.kind, one.scanner) == (other.kind, other.scanner)
+
+
+def _beside(one: _Stop, other: _Stop) -> float:
+    """Return how far apart two balls are in view: which of several it is."""
+    return float(np.linalg.norm(one.seen.center_in_laser_mm - other.seen.center_in_laser_mm))
 
 
 def _distance(one: _Stop, other: _Stop) -> float:
@@ -165,14 +183,17 @@ def _apart(one: RigidTransform, other: RigidTransform) -> float:
     return max(float(np.linalg.norm(step[3:])) / _NEAR_MM, float(np.linalg.norm(step[:3])) / _NEAR_RAD)
 
 
-def _told(pairs: Sequence[_Pair], change: Change) -> RecheckRound:
+def _told(changes: Sequence[tuple[Sequence[_Pair], Change]]) -> RecheckRound:
+    """Return what a round says: of several scanners the one whose change is least likely chance."""
+    pairs, change = min(changes, key=lambda one: one[1].chance)
     bump = change.bump
     told = RecheckRound(
-        captures=list(dict.fromkeys(pair.now.capture for pair in pairs)),
+        captures=list(dict.fromkeys(pair.now.capture for own, _ in changes for pair in own)),
+        scanner=pairs[0].now.scanner or None,
         change_mm=change.change_mm,
         uncertainty_mm=change.uncertainty_mm,
         change_in_laser_mm=change.shift_in_laser_mm.tolist(),
-        chance=change.chance,
+        chance=min(1.0, len(changes) * change.chance),
         changed=change.changed,
         joint=bump and bump.joint,
         joint_deg=bump and bump.change_deg,
@@ -209,14 +230,18 @@ def _finding(told: RecheckRound) -> Finding:
     change: dict[str, Any] = {"change_mm": told.change_mm, "uncertainty_mm": told.uncertainty_mm}
     if told.changed == "nothing":
         return codes.STILL_HOLDS(**change)
+    if told.scanner is not None:
+        change["scanner"] = told.scanner
     if told.joint is not None and told.joint_deg is not None and told.joint_uncertainty_deg is not None:
         change |= {"joint": told.joint, "deg": told.joint_deg, "uncertainty_deg": told.joint_uncertainty_deg}
-    return codes.CALIBRATION_CHANGED(changed=told.changed, **change)
+    of_one = told.scanner is not None and told.changed in ("tool", "tool-or-sphere")
+    return codes.CALIBRATION_CHANGED(changed=f"{told.changed}-of-one" if of_one else told.changed, **change)
 
 
-def _noticed(last: RecheckRound, captures: int) -> list[Finding]:
-    """Return whether the calibration holds, and whether so few captures can tell."""
-    found = [_finding(last)]
-    if last.changed == "nothing" and captures < ENOUGH:
-        found.append(codes.FEW_REPEATED(count=captures, enough=ENOUGH))
+def _noticed(last: RecheckRound, repeated: Mapping[str, int]) -> list[Finding]:
+    """Return whether the calibration holds, and whether so few captures of each scanner can tell."""
+    found, enough = [_finding(last)], ENOUGH * len(repeated)
+    count = sum(min(ENOUGH, own) for own in repeated.values())
+    if last.changed == "nothing" and count < enough:
+        found.append(codes.FEW_REPEATED(count=count, enough=enough))
     return found

@@ -27,7 +27,6 @@ class Tcp(Stage):
     guided = ("tcp",)
     is_answer = True
     frames: ClassVar = dict.fromkeys(SCANNER_FRAMES, "covariance")
-    any_arrangement = True
     layers = ("sphere", "captures", "scanner")
 
     def is_wanted(self, session: "Session") -> bool:

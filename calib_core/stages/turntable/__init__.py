@@ -29,7 +29,6 @@ class Turntable(Stage):
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = ("base_from_turntable",)
-    any_arrangement = True
     after = ("camera", "laser-plane", "tcp")
     guided = ("turntable",)
     optional = True

@@ -38,7 +38,6 @@ class Verify(Stage):
     settings_field = "verification"
     after = ("camera", "laser-plane", "tcp", "chain")
     guided = ("verify",)
-    any_arrangement = True
     optional = True
     layers = ("sphere", "captures", "scanner")
 

@@ -41,8 +41,8 @@ def by_errors_of_arm(
     Parameters
     ----------
     seen : K observations
-    center : (3,)
-        The sphere's, on what carries it.
+    center : (3,) or (K, 3)
+        The sphere's, on what carries it; or that of each capture's.
     by_center : (K, 3, 3)
         How the figures follow it.
     terms : mapping
@@ -51,12 +51,12 @@ def by_errors_of_arm(
     designs: dict[int, FloatArray] = {}
     for name, term in terms.items():
         moved: list[FloatArray] = []
-        for one in seen:
+        for one, at in zip(seen, np.broadcast_to(center, (len(seen), 3)), strict=True):
             if one.arm_moves is None or not one.carriers.over_robot:
                 return {}
             shift, turn = one.arm_moves[:3, term], one.arm_moves[3:, term]
             flange, on_flange = one.base_from_tool0, one.carriers.over_robot < 0
-            in_base = flange.apply(center) if on_flange else center
+            in_base = flange.apply(at) if on_flange else at
             carried = shift + skew(turn) @ (in_base - flange.translation_mm)  # as if it were on the flange
             moved.append(flange.rotation.T @ carried if on_flange else -carried)
         designs[name] = (by_center @ np.array(moved)[..., None]).reshape(-1, 1)

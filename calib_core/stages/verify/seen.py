@@ -110,6 +110,8 @@ def linearised(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return K captures' figures at a centre on what carries the ball, and how they follow it and the tool.
 
+    `center` is (3,), or (K, 3) where captures show several balls.
+
     Returns
     -------
     residuals, covariances : (K, 3), (K, 3, 3)
@@ -118,13 +120,15 @@ def linearised(
     points : (K, 3)
         The centre in L.
     """
-    seen = [Seen(observation, SphereSize(2 * radius_mm), tool) for observation in observations]
+    common = SphereSize(2 * radius_mm)
+    seen = [Seen(one, one.size(common), tool) for one in observations]
+    each = list(zip(seen, np.broadcast_to(center, (len(seen), 3)), strict=True))
     return (
-        np.array([one.residual(center) for one in seen]),
-        np.array([one.covariance(center) for one in seen]),
-        np.array([one.slope(center) @ one.moved_by_ball() for one in seen]),
-        np.array([one.slope(center) @ one.moved_by_tool(center) for one in seen]),
-        np.array([one.center_in_laser_mm(center) for one in seen]),
+        np.array([one.residual(at) for one, at in each]),
+        np.array([one.covariance(at) for one, at in each]),
+        np.array([one.slope(at) @ one.moved_by_ball() for one, at in each]),
+        np.array([one.slope(at) @ one.moved_by_tool(at) for one, at in each]),
+        np.array([one.center_in_laser_mm(at) for one, at in each]),
     )
 
 

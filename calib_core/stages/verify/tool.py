@@ -85,11 +85,11 @@ class Tool:
     def straightened(
         self, observations: Observations, center_mm: FloatArray, radius_mm: float
     ) -> list[SphereObservation]:
-        """Return profiles in one plane where the sheet of light is bent, of a ball (3,) on what carries it."""
+        """Return profiles in one plane where the light is bent, of balls (3,) or (K, 3) on what carries them."""
         found: list[SphereObservation] = []
-        for o in observations:
+        for o, at in zip(observations, np.broadcast_to(center_mm, (len(observations), 3)), strict=True):
             own = self.of_scanner(o.scanner)
-            seen = (o.ball_from_scanner @ own.mount_from_laser).inverse().apply(center_mm)
+            seen = (o.ball_from_scanner @ own.mount_from_laser).inverse().apply(at)
             found += in_one_plane([o], own.sheet_per_mm, seen[None], radius_mm) if own.sheet_per_mm else [o]
         return found
 
@@ -106,15 +106,25 @@ class Tool:
 
     def ball_of(self, seen: SphereObservation, sphere: SphereSize) -> str:
         """Return which of several balls of the answer an observation shows where it stood; empty where none."""
-        there = [(name, at) for name, carrier, at in self.spheres if carrier == seen.carriers.ball]
-        if len(there) < 2:
-            return ""
+        there = [name for name, carrier, _ in self.spheres if carrier == seen.carriers.ball]
+        nearest, away_mm, _ = self.nearest_ball(seen, sphere)
+        return nearest if len(there) > 1 and away_mm < seen.size(sphere).radius_mm else ""
+
+    def nearest_ball(self, seen: SphereObservation, sphere: SphereSize) -> tuple[str, float, FloatArray]:
+        """Return the answer's ball nearest to what was seen: name, how far off, centre on its carrier.
+
+        Where the answer has none there, it is what was seen.
+        """
         way = seen.ball_from_scanner @ self.of_scanner(seen.scanner).mount_from_laser
         sides = (seen.side,) if seen.side else (1, -1)
         centers = [way.apply(seen.sphere_center_in_laser_mm(sphere, side)) for side in sides]
-        away = {name: min(float(np.linalg.norm(one - at)) for one in centers) for name, at in there}
-        nearest = min(away, key=away.__getitem__)
-        return nearest if away[nearest] < seen.size(sphere).radius_mm else ""
+        there = [
+            (min(float(np.linalg.norm(one - at)) for one in centers), name, at)
+            for name, carrier, at in self.spheres
+            if carrier == seen.carriers.ball
+        ]
+        away_mm, name, at = min(there, key=lambda one: one[0], default=(np.inf, "", centers[0]))
+        return name, away_mm, at
 
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
