@@ -154,10 +154,9 @@ def _linear(walk: Walk, centers: FloatArray, ways: dict[int, FloatArray]) -> tup
     for _ in range(_ROUNDS):
         weighted = parts * weight[:, None, None]
         normal = np.einsum("kip,kiq->pq", weighted, parts)
-        scale = np.trace(normal) / len(normal)
-        found = np.linalg.solve(
-            normal + _RIDGE * scale * np.eye(len(normal)), np.einsum("kip,ki->p", weighted, seen)
-        )
+        # Each unknown by its own size: readings far from zero must not pull what few millimetres of way tell.
+        ridge = _RIDGE * np.diag(normal) + _RIDGE**2 * np.trace(normal)
+        found = np.linalg.solve(normal + np.diag(ridge), np.einsum("kip,ki->p", weighted, seen))
         expected = parts @ found
         apart = np.linalg.norm(centers - expected[:, None], axis=2)
         seen, off = centers[rows, np.argmin(apart, axis=1)], apart.min(axis=1)

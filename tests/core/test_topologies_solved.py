@@ -9,6 +9,9 @@ import pytest
 import calib_core as cc
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
+from calib_core.cell.layout import Layout, MovedAxis
+from calib_core.cell.walk import Carriers, ways
+from calib_core.chain.axes_start import axes_start
 from calib_core.chain.tcp import solve_tcp
 from calib_core.exports.workpiece import at_workpiece
 from calib_core.frames import RigidTransform
@@ -229,6 +232,20 @@ def test_a_slide_before_two_scanners_of_nearly_one_plane_of_light_is_told_from_i
     assert squared < CHI2[freedom]
     assert error_deg < 0.1  # it was 2.3°
     assert not {"axis-place-undetermined", "axis-mirrored"} & {one.code for one in result.findings}
+
+
+def test_a_slide_read_far_from_zero_starts_on_the_side_that_one_capture_tells() -> None:
+    layout = Layout((("", "base"),), (("slide", "ball"),), (MovedAxis("slide", "linear"),))
+    readings = 600.0 + np.linspace(0, 60, 17)
+    still, place, way = RigidTransform.identity("base", "tool0"), np.array([435.0, -236.0, 454.0]), np.eye(3)[0]
+    each = np.zeros(17, dtype=int)
+    walk = ways(layout, [still] * 17, [Carriers("base", "slide")] * 17, each, each, readings[:, None])
+    own = place + readings[:, None] * way
+    either = np.stack([own, own - [0.0, 0.0, 27.0]], axis=1)  # the plane of light lies level
+    either[5, 1] = either[5, 0]
+    at, misfit = axes_start(walk, either, (np.eye(3)[None], np.zeros((1, 3))), {})
+    assert misfit.max() < 0.01  # readings were held against zero: 27 mm of the one that was told
+    assert at.axes[0].rotation[:, 2] == pytest.approx(way, abs=1e-6)
 
 
 @pytest.mark.thorough
