@@ -188,6 +188,15 @@ def readings(capture: Capture) -> dict[str, float]:
     return {**table, **(capture.axes_deg or {}), **(capture.axes_mm or {})}
 
 
+def reading_words(cell: Cell, capture: Capture) -> str:
+    """Return what a capture read of the axes that carry the object, by name where there are several."""
+    units = {axis.name: "\u202fmm" if axis.kind == "linear" else "°" for axis in cell.axes or ()}
+    robots = {axis.name for axis in cell.axes or () if axis.carries == "robot"}
+    read = {name: value for name, value in readings(capture).items() if name not in robots}
+    words = {name: f"{round(value, 2):g}{units.get(name, '°')}".replace("-", "−") for name, value in read.items()}
+    return ", ".join(words.values() if len(words) < 2 else (f"{name} {value}" for name, value in words.items()))
+
+
 def without_directions(cell: Cell) -> Cell:
     """Return a cell whose axes count in no sense that is told: senses are told about up, which is in base."""
     axes = cell.axes and [axis.model_copy(update={"direction": None}) for axis in cell.axes]

@@ -38,6 +38,16 @@ class MovedAxis:
     on: str = "base"
     direction: Literal[1, -1] | None = None
 
+    @property
+    def slides(self) -> bool:
+        """Whether it shifts what it carries, and has no place of its own across."""
+        return self.kind == "linear"
+
+    @property
+    def under_robot(self) -> bool:
+        """Whether it carries the robot."""
+        return self.carries == "robot"
+
 
 @dataclass(frozen=True, eq=False)
 class AxisState:

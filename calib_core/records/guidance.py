@@ -84,10 +84,14 @@ GuideStatus = Literal["done", "working", "todo", "later", "stale", "failing", "k
 
 
 class GuideStep(Record):
-    """One step of the way and how far it is; computed, never stored."""
+    """One step of the way and how far it is; computed, never stored.
+
+    `title` is what it is called where the cell is another than a scanner on the flange and a turntable.
+    """
 
     step: GuidedStep
     status: GuideStatus
+    title: str | None = None
     note: str | None = None
 
 

@@ -6,10 +6,12 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from calib_core.archive.stored_results import result_record
+from calib_core.cell.found import SCANNER_FRAMES, axis_of_table
+from calib_core.cell.titles import SCANNER_IN_BASE, axis_title, step_title
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.graph.registry import STAGES
-from calib_core.messages import ENGLISH, Catalogue, message
-from calib_core.records import CaptureResidual, Result, Session
+from calib_core.messages import ENGLISH, Catalogue
+from calib_core.records import CaptureResidual, Cell, Result, Session
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.stages.evidence_parts import label_of, left_out
 
@@ -29,11 +31,17 @@ def made_evidence(session: Session, result: Result) -> list[AnyBlock]:
     return plain_evidence(result.model_dump(mode="json")) if blocks is None else blocks
 
 
-def title_of(stage: str, *, fixed: bool = False) -> str:
-    """Return what a stage's result is called; a scanner that stands still is on no flange."""
-    if fixed and stage == "tcp":
-        return message("Scanner in base")
-    return STAGES.get(stage).title if stage in STAGES.names() else stage
+def title_of(stage: str, cell: Cell | None = None) -> str:
+    """Return what a stage's result is called, by what the cell is made of where that is told."""
+    own = None if cell is None else step_title(cell, stage)
+    return own or (STAGES.get(stage).title if stage in STAGES.names() else stage)
+
+
+def title_of_result(stage: str, result: Mapping[str, Any]) -> str:
+    """Return what a result is called, JSON data: by what it found, for the cell is not at hand."""
+    if stage == "tcp" and [result.get(name) is not None for name in SCANNER_FRAMES] == [False, True]:
+        return SCANNER_IN_BASE
+    return axis_title(*axis_of_table(result)) if stage == "turntable" else title_of(stage)
 
 
 def text_of(result: Result, said: Catalogue = ENGLISH) -> str:
@@ -41,7 +49,7 @@ def text_of(result: Result, said: Catalogue = ENGLISH) -> str:
     from calib_core.evidence.text import result_text
 
     data = _told(result)
-    return result_text(said.say(title_of(data["stage"], fixed=data["fixed"])), data, result.evidence, said)
+    return result_text(said.say(data["title"]), data, result.evidence, said)
 
 
 def html_of(result: Result) -> str:
@@ -50,14 +58,15 @@ def html_of(result: Result) -> str:
     from calib_core.evidence.style import STYLE
 
     data = _told(result)
-    body = f"<h2>{title_of(data['stage'], fixed=data['fixed'])}</h2>{result_html(data, result.evidence)}"
+    body = f"<h2>{data['title']}</h2>{result_html(data, result.evidence)}"
     return f'<div class="scancell notebook"><style>{STYLE}</style>{body}</div>'
 
 
 def _told(result: Result) -> dict[str, Any]:
     shown = result.model_dump(include={"verdict", "warnings", "notes"})
-    placed = [getattr(result, f"{carrier}_from_laser", None) is not None for carrier in ("tool0", "base")]
-    return {"stage": getattr(result, "stage", ""), "fixed": placed == [False, True], **shown}
+    stage = getattr(result, "stage", "")
+    found = result.model_dump(by_alias=True, include={*SCANNER_FRAMES, "frames", "spheres", "axes"})
+    return {"stage": stage, "title": title_of_result(stage, found), **shown}
 
 
 def stored_evidence(session: Session, data: Mapping[str, Any]) -> list[AnyBlock]:

@@ -170,7 +170,7 @@ def _at(what: str, mount: str) -> str:
 
 def workpiece_table(places: Sequence[AtWorkpiece], table: str = "Turntable") -> list[AnyBlock]:
     """Return what the uncertainty means where it matters, one row a place; `table` is what carries the object."""
-    words = {**templates({"tool": "Scanner, in its view", "both": "Scanner and table"}), "table": table}
+    words = {**templates({"tool": "Scanner, in its view", "both": "Both together"}), "table": table}
     rows: list[Row] = []
     for place in places:
         at = ", ".join(number_text(value, 0) for value in place.point_mm)
@@ -186,8 +186,8 @@ def workpiece_table(places: Sequence[AtWorkpiece], table: str = "Turntable") -> 
         Table(
             id="workpiece",
             title="At the workpiece",
-            caption="How far off a point may lie by this calibration alone (k = 2), along the scanner's axes for "
-            "the scanner, the table's for the others. The robot's own error at each pose comes on top.",
+            caption="How far off a point may lie by this calibration alone (k = 2), along the axes of what it is "
+            "known by. The robot's own error at each pose comes on top.",
             columns=heads,
             rows=rows,
         )

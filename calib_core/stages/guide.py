@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from calib_core.cell.found import told_by_axes
+from calib_core.cell.titles import step_title
 from calib_core.findings import (
     as_read,
     complete_measured,
@@ -96,7 +97,12 @@ def guide(
     view = GuideView(session, measured, data, statuses)
     revised = {step for stage in stages() if _is_revised(stage, data) for step in stage.guided}
     steps = [
-        GuideStep(step=s, status=status, note=_note(session, s, status, revised=s in revised))
+        GuideStep(
+            step=s,
+            status=status,
+            title=step_title(session.cell, s),
+            note=_note(session, s, status, revised=s in revised),
+        )
         for s, status in statuses.items()
     ]
     current, last = _now(view), _last(session, measured)

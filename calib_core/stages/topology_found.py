@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.cell.axes import TABLE
 from calib_core.cell.found import axis_of_table
+from calib_core.cell.titles import axis_title
 from calib_core.evidence.numbers import number_text, plus_minus
 from calib_core.frames import RigidTransform
 from calib_core.messages import Message, message, templates
@@ -53,10 +54,9 @@ def scanner_title(frame: FoundFrame) -> Message:
     return message(_PLACES.get(frame.into, _ELSEWHERE), scanner=frame.scanner, carrier=frame.into)
 
 
-def carrier_name(result: Any) -> Message:
+def carrier_name(result: Any) -> str:
     """Return what the axis is called that carries the object."""
-    name, kind = axis_of_table(result.model_dump(by_alias=True, include={"frames", "spheres", "axes"}))
-    return message("Turntable") if (name, kind) == (TABLE, "rotary") else message("Axis {axis}", axis=name)
+    return axis_title(*axis_of_table(result.model_dump(by_alias=True, include={"frames", "spheres", "axes"})))
 
 
 def table_title(result: Mapping[str, Any]) -> Message:

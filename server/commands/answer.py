@@ -22,6 +22,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.review.answer import answer_as_read, answer_of_folder
     from calib_core.review.decided_before import decided_before_in
     from calib_core.review.provenance import replayed
+    from calib_core.stages.evidence import title_of
     from calib_core.stages.topology_found import table_title
     from server.console.language import spoken
     from server.console.progress import progress_bar
@@ -44,14 +45,14 @@ def _run(options: argparse.Namespace) -> int:
         raise ConflictError("a solved session", "no answer yet", "Run `scancell run` on it.", str(options.session))
     answer = answer_as_read(answer, said.language, session.cell.findings)
     table = table_title(dict(results.get(answer.stage if answer.stage == "chain" else "turntable", {})))
-    print_result(options, _text(answer, said, table), answer.to_json())
+    print_result(options, _text(answer, said, table, title_of(answer.stage, session.cell)), answer.to_json())
     return NOT_ACCEPTED if answer.faults else OK
 
 
-def _text(answer: "SessionAnswer", said: "Catalogue", table: str) -> str:
+def _text(answer: "SessionAnswer", said: "Catalogue", table: str, title: str) -> str:
     """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller.
 
-    `table` is what the frame of what carries the object is called.
+    `table` is what the frame of what carries the object is called, `title` the whole.
     """
     from calib_core.evidence.numbers import plus_minus
     from calib_core.evidence.text import result_text
@@ -61,7 +62,6 @@ def _text(answer: "SessionAnswer", said: "Catalogue", table: str) -> str:
     from calib_core.messages import message
     from calib_core.records.decided_before import DECISIONS
     from calib_core.records.evidence import AnyBlock, Figure, Note
-    from calib_core.stages.evidence import title_of
     from calib_core.stages.frame_blocks import frame_block
 
     seen = answer.laser_from_turntable
@@ -93,16 +93,14 @@ def _text(answer: "SessionAnswer", said: "Catalogue", table: str) -> str:
         (answer.base_from_turntable, "base", "turntable", table),
         (seen, "laser", "turntable", "Turntable seen from the scanner"),
     )
-    for found, into, outof, title in frames:
+    for found, into, outof, named in frames:
         if found is not None:
             frame = RigidTransform.from_rounded(found.matrix, into, outof)
             covariance = found.covariance if believed else None
-            blocks.append(frame_block(answer.pose_convention, frame, covariance, title=title))
-    fixed = answer.base_from_laser is not None and answer.tool is None
+            blocks.append(frame_block(answer.pose_convention, frame, covariance, title=named))
     blocks += _scanners(answer, believed=believed)
-    title = said.say(title_of(answer.stage, fixed=fixed))
     told = {**answer.to_json(), "warnings": judgement(answer.findings, said)["warnings"]}  # its faults, too
-    return result_text(title, told, [block_in(block, said) for block in blocks], said)
+    return result_text(said.say(title), told, [block_in(block, said) for block in blocks], said)
 
 
 def _scanners(answer: "SessionAnswer", *, believed: bool) -> "list[AnyBlock]":

@@ -22,11 +22,12 @@ def arm(facts: SceneFacts, look: Look) -> Iterator[Node]:
     here = next((c for c in shown if c.id == look.picked), shown[-1] if shown else None)
     if here is None:
         return
-    poses = [capture.base_from_tool0 for capture in facts.captures]
-    own = here.links_in_base_mm
-    joints = joints_mm(here.base_from_tool0, poses) if own is None else own
-    yield nodes.polyline("/arm/links", joints, WAITING, 5.0)
+    poses = [capture.base_from_foot.inverse() @ capture.base_from_tool0 for capture in facts.captures]
+    foot, own = here.base_from_foot, here.links_in_base_mm
+    joints = joints_mm(foot.inverse() @ here.base_from_tool0, poses) if own is None else own
     size = 0.012 * float(np.linalg.norm(joints, axis=1).max())
+    joints = foot.apply(joints)
+    yield nodes.polyline("/arm/links", joints, WAITING, 5.0)
     for number, joint in enumerate(joints[1:-1]):
         yield nodes.ball(f"/arm/joint-{number}", joint, size, WAITING, 0.9)
 

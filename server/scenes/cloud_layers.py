@@ -65,7 +65,7 @@ def cloud_place(facts: SceneFacts, look: Look) -> RigidTransform | None:
         return next((one.base_from_tool0 for one in look.shown(facts)), RigidTransform.identity("base", "tool0"))
     if facts.merged is None or not facts.merged.on_table:
         return RigidTransform.identity("base", "base")
-    return None if facts.table is None else facts.table.turned(look.table_deg(facts))
+    return look.table(facts)
 
 
 def height_range_mm(merged: MergedScans) -> tuple[float, float]:

@@ -38,10 +38,10 @@ class Look:
         """Return the captures whose robot and scanner are drawn."""
         return tuple(c for c in facts.captures if not self.alone or c.id == self.picked)
 
-    def table_deg(self, facts: SceneFacts) -> float:
-        """Return the angle at which the table is shown, as its encoder reads it."""
-        there = [c.table_deg for c in self.shown(facts)] if self.alone else []
-        return (there[0] if there else None) or 0.0
+    def table(self, facts: SceneFacts) -> RigidTransform | None:
+        """Return where the frame of what carries the object is shown: at the one capture, else at zero."""
+        there = [c.base_from_turntable for c in self.shown(facts)] if self.alone else []
+        return next(filter(None, there), None if facts.table is None else facts.table.base_from_turntable)
 
 
 def look_at(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib_core.messages import message
 from server.scenes import nodes
 from server.scenes.colors import GHOST, LIGHT, MOUNTS, SPHERE, WAITING
 from server.scenes.display_options import Look
@@ -54,7 +55,7 @@ def table_so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
         return
     ends = place.apply(axis_ends_mm(reach_mm))
     yield nodes.lines("/table-so-far/line", ends[None], WAITING, 2.0)
-    yield nodes.label("/table-so-far/name", ends[1], "turntable axis")
+    yield nodes.label("/table-so-far/name", ends[1], message("Turntable"))
     for number, (mount, at) in enumerate(known.mounts.items()):
         circle = place.apply(ring_mm(float(np.hypot(at[0], at[1])), float(at[2])))
         yield nodes.polyline(f"/table-so-far/circle-{number}", circle, MOUNTS[number % len(MOUNTS)], 2.0)

@@ -33,7 +33,7 @@ from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.pose_preview import trial
 from server.scenes.robot_now import robot_now
 from server.scenes.scene_model import CaptureFacts, SceneFacts
-from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
+from server.scenes.turntable_layers import axis_lines, sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
 
 _MANY = 20
@@ -46,8 +46,9 @@ def one_by_one(facts: SceneFacts, look: Look) -> tuple[CaptureFacts, ...]:
     return shown if len(shown) <= MANY else tuple(c for c in shown if c.id == look.picked)
 
 
-def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
-    """Draw the robot's base with named axes and a floor of 100 mm squares."""
+def base_frame(facts: SceneFacts, _look: Look) -> Iterator[Node]:
+    """Draw the robot's base with named axes, the axes that carry the robot, and a floor of 100 mm squares."""
+    yield from axis_lines("/base", (one for one in facts.axes if one.under_robot))
     length = 200.0
     identity = RigidTransform.identity("base", "base")
     yield nodes.axes("/base/axes", identity, length, WAITING, thickness=0.012)
@@ -186,14 +187,14 @@ LAYERS: dict[str, tuple[str, Layer]] = {
     "sphere": ("Sphere", sphere),
     "uncertainty": ("Uncertainty, magnified", uncertainty),
     "so-far": ("As far as known", so_far),
-    "table-so-far": ("Turntable as far as known", table_so_far),
+    "table-so-far": ("Axis as far as known", table_so_far),
     "ghost": ("Pose to take next", ghost),
     "trial": ("Poses being read", trial),
     "live": ("Robot now", robot_now),
-    "table": ("Turntable: axis and frame", table_axis),
-    "circles": ("Turntable: circles", table_circles),
-    "places": ("Turntable: sphere at each angle", sphere_places),
-    "turned": ("Turntable as it stood", table_turned),
+    "table": ("Axes under the object", table_axis),
+    "circles": ("Circles about the axis", table_circles),
+    "places": ("Sphere at each reading", sphere_places),
+    "turned": ("Table as it stood", table_turned),
     "field": ("Uncertainty over the table", field),
     "camera": ("Camera: field of view", camera),
     "boards": ("Camera: boards", boards),

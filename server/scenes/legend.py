@@ -119,10 +119,12 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
 
 
 def _of_table(table: TableFacts, *, places: bool, circles: bool) -> list[str]:
-    parts = [_head(message("Turntable")), _key(AXIS, "↑", message("axis, T at 0°"))]
+    parts = [_head(table.title), _key(AXIS, "↑", message("axis, T at {zero}", zero=table.zero))]
     mounts = (table.mounts or {}) if places else {}
     parts += [
-        _key(mount_color(table, mount), "●", message("sphere {mount}", mount=mount or message("on the table")))
+        _key(
+            mount_color(table, mount), "●", message("sphere {mount}", mount=mount) if mount else message("Sphere")
+        )
         for mount in mounts
     ]
     if table.circles and circles:

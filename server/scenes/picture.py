@@ -3,7 +3,7 @@
 One set of colours serves a light page and a dark one: the picture is an image of its own, which no theme reaches.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +37,7 @@ def session_picture(scene: SceneInput) -> str:
 def _cell(facts: SceneFacts) -> Iterator[str]:
     flanges = np.array([c.base_from_tool0.translation_mm for c in facts.captures])
     targets = np.array([_target(capture) for capture in facts.captures])
-    circles = [_circle(facts, mount) for mount in (facts.table.mounts or {})] if facts.table else []
+    circles = [_circle(facts, mount) for mount in _turning(facts)]
     page = _Page(np.concatenate([flanges, targets, *circles]))
     for circle in circles:
         yield _path(page.at(circle), _STEEL, 1.2, closed=True)
@@ -49,6 +49,11 @@ def _cell(facts: SceneFacts) -> Iterator[str]:
         yield _dot(center, radius_px, _STEEL)
     for capture, flange in zip(facts.captures, page.at(flanges), strict=True):
         yield _cross(flange) if capture.state == "rejected" else _dot(flange, 2.6, _BLUE)
+
+
+def _turning(facts: SceneFacts) -> Iterable[str]:
+    """Return the mountings that go round an axis."""
+    return () if facts.table is None or facts.table.slides else facts.table.mounts or ()
 
 
 def _has_sphere(facts: SceneFacts) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from calib_core.captures.content import pose_of, sphere_of
 from calib_core.captures.placement import Placement, placement_of
+from calib_core.cell.axes import reading_words
 from calib_core.cell.carriers import diameters_by_name, rides_on_axis, stands_apart, stands_still, tells_diameter
 from calib_core.cell.found import own_base
 from calib_core.cell.walk import Carriers
@@ -24,7 +25,7 @@ from server.scenes.field import TableField, table_field
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
 from server.scenes.scene_input import LoadPoints, SceneInput, no_points, nothing
-from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
+from server.scenes.turntable import AxisLine, TableFacts, other_axes, table_facts
 
 if TYPE_CHECKING:
     from calib_core.guidance.interim_estimate import KnownSoFar, TableSoFar
@@ -35,6 +36,7 @@ BY_HAND = "left out by hand"
 """The reason of what the user has excluded."""
 
 MAX_POINTS = 200_000
+_STILL = RigidTransform.identity("base", "base")
 _LARGEST_SPHERE_MM = 200.0  # in radius: what a failed result says beyond it is no sphere
 
 
@@ -44,7 +46,9 @@ class CaptureFacts:
 
     `sphere_center_in_base_mm` is where the solution expects the sphere of this capture, None before it is known;
     `base_from_laser` where its scanner was, `stands_still` whether that is on the flange or fixed in base.
-    `links_in_base_mm` (N, 3) is the line along the cell's own arm, None where arm or joints are not known.
+    `links_in_base_mm` (N, 3) is the line along the cell's own arm, None where arm or joints are not known;
+    `base_from_foot` is where the robot stood, by axes that carry it.  `base_from_turntable` is where T stood, and
+    `read` what was read of the axes that carry the object, in words.
     """
 
     id: str
@@ -54,12 +58,14 @@ class CaptureFacts:
     reason: str
     points_in_laser_mm: FloatArray
     sphere_center_in_base_mm: FloatArray | None
-    table_deg: float | None = None
+    base_from_turntable: RigidTransform | None = None
+    read: str = ""
     mount: str = ""
     links_in_base_mm: FloatArray | None = None
     base_from_laser: RigidTransform | None = None
     scanner: str = ""
     stands_still: bool = False
+    base_from_foot: RigidTransform = _STILL
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +117,7 @@ class SceneFacts:
     field: TableField | None = None
     balls: tuple[Ball, ...] = ()
     knows_base: bool = True
+    axes: tuple[AxisLine, ...] = ()
 
     @property
     def knows_scanner(self) -> bool:
@@ -196,6 +203,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
         field=table_field(scene),
         balls=balls,
         knows_base=placement is None or own_base(session.cell, session.captures) is None,
+        axes=other_axes(session, () if placement is None else placement.axes, placing.table),
     )
 
 
@@ -272,15 +280,21 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
     except InputError:
         return None  # the page says what is wrong with it; here it has no place
     laser, still = None, stands_still(placing.cell, capture)
+    foot = _STILL
     if placing.placement is not None:
-        pose = placing.placement.foot(capture) @ pose
+        foot = placing.placement.foot(capture)
+        pose = foot @ pose
         with suppress(InputError):  # a scanner that is not solved
             mount = placing.placement.mount(capture)
             laser = mount if still else pose @ mount
     state, reason = _state(capture, placing)
     points = placing.load(capture)
     stride = -(-len(points) // max(placing.most, 1))
-    center = expected_center_mm(placing.table, capture) if capture.step == "turntable" else None
+    table = _table_at(capture, placing)
+    center = None
+    if placing.table is not None and table is not None and capture.step == "turntable":
+        place = (placing.table.mounts or {}).get(capture.mount or "")
+        center = None if place is None else table.apply(place)
     if capture.step in steps_that_show("sphere"):
         own = next((one for one in placing.balls if capture.id in one.captures), next(iter(placing.balls), None))
         center = None if own is None else own.in_base_mm(pose)
@@ -292,13 +306,24 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         reason=reason,
         points_in_laser_mm=points[:: max(stride, 1)],
         sphere_center_in_base_mm=center,
-        table_deg=capture.table_deg,
+        base_from_turntable=table,
+        read=reading_words(placing.cell, capture),
         mount=capture.mount or "",
         links_in_base_mm=_links_mm(placing.arm, capture),
         base_from_laser=laser,
         scanner=capture.scanner or "",
         stands_still=still,
+        base_from_foot=foot,
     )
+
+
+def _table_at(capture: Capture, placing: _Placing) -> RigidTransform | None:
+    """Return where T stood at a capture, None where that is not told."""
+    if placing.table is None:
+        return None
+    if placing.placement is not None and placing.placement.axes:
+        return placing.placement.turntable_from_base(capture).inverse()
+    return None if capture.table_deg is None else placing.table.turned(capture.table_deg)
 
 
 def _links_mm(arm: str | ArmTable | None, capture: Capture) -> FloatArray | None:

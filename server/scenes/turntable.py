@@ -1,13 +1,17 @@
-"""The turntable as a scene shows it: its axis and frame, where the sphere stood at each angle, how it turns."""
+"""A cell's axes as a scene shows them: their lines, the frame under the object, where the sphere stood."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.cell.found import placed_table
+from calib_core.captures.placement import PlacedAxis
+from calib_core.cell.axes import TABLE, reading_words, readings
+from calib_core.cell.found import axis_of_table, placed_table
+from calib_core.cell.titles import axis_title
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Result, Session
+from calib_core.messages import message
+from calib_core.records import Result, Session
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.turntable.record import TableCircle, TurntableResidual, TurntableResult
 from calib_core.steps import table_stages
@@ -26,13 +30,22 @@ class SpherePlace:
 
 
 @dataclass(frozen=True, eq=False)
+class AxisLine:
+    """An axis beside the one whose frame is known: its name, whether it carries the robot, its ends (2, 3)."""
+
+    name: str
+    under_robot: bool
+    ends_mm: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class TableFacts:
-    """A solved or known turntable.
+    """A solved or known axis that carries the object: the turntable, or another one.
 
     Attributes
     ----------
     base_from_turntable : RigidTransform
-        T at the table's angle zero.
+        T where all axes read zero.
     turns : float
         How far it turns about T's z for each unit that the encoder reads, its sense in the sign.
     mounts : mapping of name to (3,)
@@ -42,6 +55,8 @@ class TableFacts:
     places : tuple of SpherePlace
     slides : bool
         Whether it is a linear axis: nothing goes in circles about it.
+    axis, title : str
+        Its name in the cell, and what it is called.
     """
 
     base_from_turntable: RigidTransform
@@ -50,6 +65,13 @@ class TableFacts:
     circles: tuple[TableCircle, ...] = ()
     places: tuple[SpherePlace, ...] = ()
     slides: bool = False
+    axis: str = TABLE
+    title: str = message("Turntable")
+
+    @property
+    def zero(self) -> str:
+        """What it reads at its zero, with the unit."""
+        return "0\u202fmm" if self.slides else "0°"
 
     def turned(self, table_deg: float) -> RigidTransform:
         """Return where the table's frame is when its encoder reads an angle."""
@@ -79,7 +101,7 @@ def table_facts(session: Session, results: Mapping[str, Result]) -> TableFacts |
     for stage in table_stages():
         result = results.get(stage)
         if isinstance(result, ChainResult | TurntableResult):
-            return _solved(result, {capture.id: _read(capture) for capture in session.captures})
+            return _solved(result, {one.id: reading_words(session.cell, one) for one in session.captures})
     known = session.cell.known.base_from_turntable
     if known is None:
         return None
@@ -87,24 +109,30 @@ def table_facts(session: Session, results: Mapping[str, Result]) -> TableFacts |
     return TableFacts(pose, float(session.cell.turntable.direction or 1))
 
 
-def expected_center_mm(table: TableFacts | None, capture: Capture) -> FloatArray | None:
-    """Return where the solution expects the sphere of a capture of the table (3,), in the base."""
-    if table is None or capture.table_deg is None:
-        return None
-    return table.center_in_base_mm(capture.mount or "", capture.table_deg)
+def other_axes(session: Session, axes: Sequence[PlacedAxis], table: TableFacts | None) -> tuple[AxisLine, ...]:
+    """Return the axes beside the table, each as far as it moved."""
+    moved = [readings(capture) for capture in session.captures]
+    others = [axis for axis in axes if table is None or axis.edge.name != table.axis]
+    return tuple(AxisLine(one.edge.name, one.edge.under_robot, _ends_mm(one, moved, table)) for one in others)
 
 
-def _read(capture: Capture) -> str:
-    """Return what a capture read of the axes that carry the object, in words."""
-    angles = [value for value in (capture.table_deg, *(capture.axes_deg or {}).values()) if value is not None]
-    return ", ".join(
-        [*(f"{a:g}°" for a in angles), *(f"{mm:g}\u202fmm" for mm in (capture.axes_mm or {}).values())]
-    )
+def _ends_mm(axis: PlacedAxis, moved: Sequence[Mapping[str, float]], table: TableFacts | None) -> FloatArray:
+    """Return the ends (2, 3) of an axis's line: as far as it slid; a rotary one's as long as the table is wide."""
+    name, place = axis.edge.name, axis.base_from_axis
+    along = place.rotation[:, 2]
+    about = np.zeros(3) if table is None or axis.edge.under_robot else table.base_from_turntable.translation_mm
+    if axis.edge.slides:
+        read = [where[name] for where in moved if name in where] or [0.0]
+        return about + axis.turns * np.array([[min(0.0, *read)], [max(0.0, *read)]]) * along
+    middle = place.translation_mm + along * float((about - place.translation_mm) @ along)
+    half = 1.5 * max(100.0 if table is None else table.reach_mm[2], 60.0)
+    return middle + np.array([[-half], [half]]) * along
 
 
 def _solved(result: ChainResult | TurntableResult, read: Mapping[str, str]) -> TableFacts:
     scale = 1.0 + result.encoder_scale.error if result.encoder_scale.applied else 1.0
     rows = [row for row in result.residuals if isinstance(row, TurntableResidual)]
+    axis, kind = axis_of_table(result.model_dump(by_alias=True, include={"frames", "spheres", "axes"}))
     return TableFacts(
         placed_table(result.model_dump()),
         result.direction * scale,
@@ -123,4 +151,6 @@ def _solved(result: ChainResult | TurntableResult, read: Mapping[str, str]) -> T
             if row.center_in_base_mm is not None
         ),
         result.reading_sigma_mm is not None,
+        axis,
+        axis_title(axis, kind),
     )

@@ -1,6 +1,6 @@
-"""Layers of the turntable: axis and frame, circles, the sphere at each angle, and the table as it stood."""
+"""Layers of the axes: lines and frame, circles, the sphere at each reading, and the table as it stood."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from server.scenes.display_options import Look
 from server.scenes.markers import cross
 from server.scenes.nodes import Node
 from server.scenes.scene_model import SceneFacts
-from server.scenes.turntable import SpherePlace, TableFacts
+from server.scenes.turntable import AxisLine, SpherePlace, TableFacts
 
 AXIS: Rgb = (60, 110, 220)
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -23,7 +23,8 @@ def mount_color(table: TableFacts, mount: str) -> Rgb:
 
 
 def table_axis(facts: SceneFacts, _look: Look) -> Iterator[Node]:
-    """Draw the axis as an arrow along T's z, past all mountings, and T at the table's angle zero."""
+    """Draw the axis as an arrow along T's z, past all mountings, T at zero, and other axes under the object."""
+    yield from axis_lines("/table", (one for one in facts.axes if not one.under_robot))
     table = facts.table
     if table is None:
         return
@@ -32,11 +33,25 @@ def table_axis(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     place = table.base_from_turntable
     ends = place.apply([[0.0, 0.0, low - 0.5 * size], [0.0, 0.0, high + 0.8 * size]])
     yield nodes.arrow("/table/axis", ends, AXIS, 0.004 * size, 15.0)
-    yield nodes.label("/table/axis-name", ends[1], "turntable axis")
+    yield nodes.label("/table/axis-name", ends[1], table.title)
     yield nodes.axes("/table/frame", place, 0.6 * size, AXIS, thickness=0.008)
     for axis, name in enumerate("xyz"):
         yield nodes.label(f"/table/{name}", place.apply(np.eye(3)[axis] * 0.66 * size), name, 0.9, "center-center")
-    yield nodes.label("/table/name", place.apply([0.0, 0.0, -0.06 * size]), "T at 0°", anchor="top-center")
+    yield nodes.label(
+        "/table/name", place.apply([0.0, 0.0, -0.06 * size]), f"T: {table.zero}", anchor="top-center"
+    )
+
+
+def axis_lines(root: str, axes: Iterable[AxisLine]) -> Iterator[Node]:
+    """Draw axes as arrows with their names."""
+    for axis in axes:
+        yield nodes.arrow(
+            f"{root}/axis-{axis.name}",
+            axis.ends_mm,
+            AXIS,
+            0.003 * float(np.linalg.norm(np.ptp(axis.ends_mm, axis=0))),
+        )
+        yield nodes.label(f"{root}/axis-{axis.name}-name", axis.ends_mm[1], axis.name)
 
 
 def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
@@ -60,7 +75,7 @@ def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 
 def sphere_places(facts: SceneFacts, look: Look) -> Iterator[Node]:
-    """Draw the sphere where each capture saw it on the table, named by the angle; rejected ones crossed."""
+    """Draw the sphere where each capture saw it on an axis, named by what was read; rejected ones crossed."""
     table = facts.table
     if table is None:
         return
@@ -80,10 +95,11 @@ def sphere_places(facts: SceneFacts, look: Look) -> Iterator[Node]:
 def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the table's plate, a spoke at its x axis and the mounted sphere, as they stood at the capture shown."""
     table = facts.table
-    if table is None or table.slides or not look.alone:
+    stood = look.table(facts)
+    if table is None or stood is None or table.slides or not look.alone:
         return
-    angle_deg = look.table_deg(facts)
-    yield nodes.frame("/turned/table", table.turned(angle_deg))
+    shown = look.shown(facts)
+    yield nodes.frame("/turned/table", stood)
     low, _, away = table.reach_mm
     rim = 1.3 * away
     height = low - (facts.sphere_radius_mm or 0.0)
@@ -91,14 +107,15 @@ def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     yield nodes.polyline("/turned/table/rim", ring_mm(rim, height), AXIS, 2.0)
     spoke = np.array([[[0.0, 0.0, height], [rim, 0.0, height]]])
     yield nodes.lines("/turned/table/spoke", spoke, AXIS, 4.0)
-    mounted = {capture.mount for capture in look.shown(facts) if capture.table_deg is not None}
+    mounted = {capture.mount for capture in shown if capture.base_from_turntable is not None}
     for number, (mount, place) in enumerate((table.mounts or {}).items()):
         if mount in mounted and facts.sphere_radius_mm:
             color = mount_color(table, mount)
             yield nodes.ball(f"/turned/table/sphere-{number}", place, 0.94 * facts.sphere_radius_mm, color, 0.9)
             post = np.array([[place, [place[0], place[1], height]]])
             yield nodes.lines(f"/turned/table/post-{number}", post, WAITING, 4.0)
-    yield nodes.label("/turned/angle", table.turned(angle_deg).apply([rim, 0.0, height]), f"{angle_deg:g}°")
+    read = next((one.read for one in shown if one.read), table.zero)
+    yield nodes.label("/turned/angle", stood.apply([rim, 0.0, height]), read)
 
 
 def ring_mm(radius_mm: float, height_mm: float) -> FloatArray:

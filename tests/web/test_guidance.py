@@ -69,7 +69,7 @@ def test_a_point_is_picked_in_the_field_of_the_budget(
     dialog = page.get_by_role("dialog", name="Error budget")
     field = dialog.get_by_role("img", name="Uncertainty over the table")
     expect(field).to_be_visible(timeout=120_000)
-    expect(dialog.get_by_role("rowheader", name="Turntable")).to_be_visible()
+    expect(dialog.get_by_role("rowheader", name="Axis under the object")).to_be_visible()
     before = dialog.locator("#budget-x").input_value()
     field.click(position={"x": 40, "y": 120})
     expect(dialog.locator("#budget-x")).not_to_have_value(before)

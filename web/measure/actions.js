@@ -12,8 +12,7 @@ import { StateElement } from "../components/base.js";
 import { decisionOf } from "./exclude.js";
 import { keep } from "./removed-captures.js";
 import { isToImprove } from "../state/standing.js";
-import { ofCell } from "./cell-words.js";
-import { stepName } from "./rail.js";
+import { ownName, stepName } from "./rail.js";
 import { mendable, remedies } from "../result/remedy.js";
 import { attempt, notify, say } from "../components/toasts.js";
 
@@ -88,8 +87,9 @@ export class ActionsElement extends StateElement {
     if (captures.some(({ id }) => id === this.#awaited)) this.#awaited = "";
     const busy = this.#capturing || this.#awaited !== "";
     this.#capture.setAttribute("aria-disabled", String(busy || !may("capture")));
-    this.#captureWords.textContent = busy ? t("actions.capturing") : maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
-    this.#solveWords.textContent = maybe(ofCell(`actions.solve_${this.#stage}`, this.state), "") || maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
+    const own = ownName(this.state, this.#stage);
+    this.#captureWords.textContent = busy ? t("actions.capturing") : this.#step && ownName(this.state, this.#step) ? t("actions.capture_tcp") : maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
+    this.#solveWords.textContent = own ? t("actions.solve_own", { what: own }) : maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
     const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");
     const isAside = status === "not-needed" || status === "known"; // nothing is captured for such a step, nor solved
     this.#capture.hidden = !simulated || status === "" || isAside;

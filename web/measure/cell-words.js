@@ -10,9 +10,6 @@ export function standsStill({ session }) {
   return scanners.length ? scanners.every(({ on }) => on === "base") : session?.cell.arrangement === "sphere-on-robot";
 }
 
-/** What a text is called of such a cell. @param {string} name @param {import("../state/session.js").SessionState} state */
-export const ofCell = (name, state) => (standsStill(state) ? `${name}_still` : name);
-
 /** @param {SessionSummary["cell"]} cell */
 export function cellWords(cell) {
   const parts = [maybe(`convention.${cell.pose_convention}`, cell.pose_convention)];

@@ -5,7 +5,6 @@ import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { figureWords } from "../blocks/figure.js";
 import { StateElement } from "../components/base.js";
-import { ofCell } from "./cell-words.js";
 import { isRefuted } from "../state/standing.js";
 
 /** @import {FigureBlock, StageResult} from "../state/model.js" */
@@ -53,9 +52,12 @@ export class RailElement extends StateElement {
   }
 }
 
+/** What the server calls a step of a cell for which the usual words do not fit. @param {import("../state/session.js").SessionState} state @param {string} step */
+export const ownName = (state, step) => said(state.guide?.steps.find((one) => one.step === step)?.title ?? "");
+
 /** @param {import("../state/session.js").SessionState} state @param {string} step */
 export function stepName(state, step) {
-  return maybe(ofCell(`step.${step}`, state), "") || maybe(`step.${step}`, state.stages.find(({ name }) => name === step)?.title ?? step);
+  return ownName(state, step) || maybe(`step.${step}`, state.stages.find(({ name }) => name === step)?.title ?? step);
 }
 
 /** @param {StageResult} result */

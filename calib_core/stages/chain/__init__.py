@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 class Chain(Stage):
     """Scanner and turntable from all captures together."""
 
-    name, title, place = "chain", "Scanner and turntable together", 50
+    name, title, place = "chain", "Whole chain", 50
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "mount"), "turntable": (*SPHERE_FIELDS, "table_deg", "mount")}
     reads = (
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",

@@ -109,12 +109,12 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
         remark = message("watertight") if not result.mesh_open_edges else ""
         figures.append(Figure(label="Open edges", quantity=fixed(result.mesh_open_edges, 0), remark=remark))
     if result.calibrated_by is not None:
-        figures.append(Figure(label="Scanner and table from", text=source_text(result.calibrated_by)))
+        figures.append(Figure(label="Calibration from", text=source_text(result.calibrated_by)))
     return figures
 
 
 _WHERE: Final = {
-    "turntable": message("in the turntable's frame"),
+    "turntable": message("in the frame of what carries the object"),
     "base": message("in the robot's base"),
     "tool0": message("in the flange's frame"),
 }

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, poses_of, scan_groups
+from calib_core.cell.axes import names_axes
 from calib_core.cell.carriers import scanner_told
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
@@ -64,7 +65,8 @@ def guide(view: GuideView) -> GuideNow | None:
     refused = {m.capture for m in measured if m.verdict == "fail"}
     groups = scan_groups([capture for capture in view.captures("scan") if capture.id not in refused])
     placement = _placement(session, data)
-    turns = placement is not None and placement.base_from_turntable is not None
+    # Only of one turntable it is said where to turn it; of other axes, as of none, from where to look.
+    turns = placement is not None and placement.base_from_turntable is not None and not names_axes(session.cell)
     if not groups:
         return _first(turns)
     assert placement is not None  # the caller has seen to it
@@ -174,15 +176,15 @@ def _first(turns: bool) -> GuideNow:
     if not turns:
         now = _capture(
             "Scan the object from its first side.",
-            "Robot and calibration put every scan where it belongs: no markers and no registration are needed.",
+            "The calibration puts every scan where it belongs: no markers and no registration are needed.",
             progress=message("{sides} of {wanted_sides} sides", sides=0, wanted_sides=WANTED_SIDES),
             still_needed=WANTED_SIDES,
         )
         return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE, "drawing": "scan-first"})
     now = _capture(
         "Put the object on the table and scan it.",
-        "Scanner and table are calibrated: export them under Result, and stop here; or go on and scan an object "
-        "from everywhere, in one frame, without markers or registration.",
+        "The cell is calibrated: export it under Result, and stop here; or go on and scan an object from "
+        "everywhere, in one frame, without markers or registration.",
         progress=message("{count} of {wanted_around} scans around", count=0, wanted_around=WANTED_AROUND),
         still_needed=WANTED_AROUND,
     )

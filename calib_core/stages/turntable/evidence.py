@@ -163,14 +163,14 @@ def wobble(rows: Sequence[object]) -> list[AnyBlock]:
     across = capture_series(seen, [r.radial_mm for r in seen], "across the axis", angles)
     along = capture_series(seen, [r.axial_mm for r in seen], "along the axis", angles)
     around = capture_series(seen, [r.angle_deg for r in seen], "around the axis", angles)
-    axis = Axis(label="Table's angle", unit="°")
+    axis = Axis(label="Angle", unit="°")
     return [
         Plot(
             id="wobble",
             title="Wobble",
             shape="xy",
-            caption="What is left at each angle of the table. Noise looks random; a wave that returns each turn "
-            "is the table's own.",
+            caption="What is left at each angle. Noise looks random; a wave that returns each turn is the "
+            "axis's own.",
             x=axis,
             y=Axis(label="Left over", unit="mm"),
             series=[across, along],
@@ -241,6 +241,6 @@ def table_noise(result: TableLike) -> Table:
     parts = result.variance_components
     estimated = any(name.startswith("angle") for name in parts.estimated)
     told = "estimated" if estimated else "given"
-    if result.reading_sigma_mm is not None:
-        return noise_table(parts, [("Axis's reading", quantity(result.reading_sigma_mm, "mm"), told)])
-    return noise_table(parts, [("Table's angle", quantity(result.angle_sigma_deg, "°"), told)])
+    linear = result.reading_sigma_mm is not None
+    sigma = quantity(result.reading_sigma_mm, "mm") if linear else quantity(result.angle_sigma_deg, "°")
+    return noise_table(parts, [("Axis's reading", sigma, told)])

@@ -234,7 +234,7 @@ def _mend(capture: str, missing: str, why: str) -> GuideNow:
         action="capture",
         instruction=message("Give the {missing} of {capture}.", missing=missing, capture=capture),
         why=why,
-        exit="Every turntable capture has its angle and its pose.",
+        exit="Every capture has its reading and its pose.",
         drawing="turntable-first",
         still_needed=1,
     )
@@ -321,9 +321,9 @@ def _solve_table(*, again: bool) -> GuideNow:
     return _now(
         stage="turntable",
         action="solve",
-        instruction="Solve again: the captures have changed." if again else "Solve the turntable.",
-        why="The angles at two heights determine the axis and where it stands.",
-        exit="Every capture lies on its circle within its noise.",
+        instruction="Solve again: the captures have changed." if again else "Solve where the axis is.",
+        why="Where the ball went determines the axis and where it stands.",
+        exit="Every capture lies on its way within its noise.",
         drawing="turntable-solve",
         progress="enough captures",
     )
@@ -333,13 +333,13 @@ def _solve_chain(*, again: bool) -> GuideNow:
     return _now(
         stage="chain",
         action="solve",
-        instruction=message("Solve the whole chain again: tool and table from all captures together.")
+        instruction="Solve the whole chain again: everything from all captures together."
         if again
-        else message("Solve the whole chain: tool and table from all captures together."),
-        why="The table's captures tell about the tool too: together both answers become better.",
+        else "Solve the whole chain: everything from all captures together.",
+        why="Captures of the ball on an axis tell where the scanner is, too: together all becomes better.",
         exit="Its answers agree with those of the steps within their uncertainties.",
         drawing="chain-solve",
-        progress="table solved",
+        progress="each step solved",
     )
 
 
@@ -347,12 +347,10 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
     chain = result.get("stage") == "chain"
     now = review(
         result,
-        "Look at the result: tool and table together, the wobble against the angle, the circles beside the answer."
-        if chain
-        else "Look at the result: the axis, the wobble against the angle, the circles beside the joint answer.",
+        "Look at the result: its uncertainty, the residuals, what is left at each reading.",
         step="turntable",
         stage="chain" if chain else "turntable",
-        exit_="You trust it: the table's frame is then ready for the controller and for merging scans.",
+        exit_="You trust it: its frames are then ready for the controller and for merging scans.",
         drawings=("turntable-done", "turntable-height"),
     )
     if now.action == "review" and has_code(result, PLAY_NOT_CHECKED):

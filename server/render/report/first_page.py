@@ -100,7 +100,7 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
     documentation = session.documentation or {}
     equipment = session.cell.equipment or []
     rows = [
-        ("subject", told.language.say(title_of(stage, fixed=stands_still(session))) if stage else ""),
+        ("subject", told.language.say(title_of(stage, session.cell)) if stage else ""),
         ("scanner", _pieces(equipment, "scanner") or _scanners(session, told.language.say)),
         ("robot", _pieces(equipment, "robot") or session.cell.robot.brand or ""),
         ("cell", cell_id(session)),
@@ -116,11 +116,6 @@ def _computed(told: Circumstances) -> str:
     """Return when it was solved, and where nobody proves that, that it is only told."""
     moment = said_moment(told.solved) if told.solved else ""
     return moment if told.date_signed or not moment else told.say("date unsigned", moment=moment)
-
-
-def stands_still(session: Session) -> bool:
-    """Return whether the scanner stands still and the robot carries the sphere."""
-    return session.cell.arrangement == "sphere-on-robot"
 
 
 def _scanners(session: Session, say: Callable[[str], str]) -> str:

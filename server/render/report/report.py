@@ -37,7 +37,6 @@ from server.render.report.first_page import (
     outcome,
     plain_text,
     report_number,
-    stands_still,
 )
 from server.render.report.frame_picture import address_of
 from server.render.report.scene_picture import scene_picture
@@ -119,7 +118,7 @@ def report_html(
         stages=[
             {
                 **read[name],
-                "title": said.say(title_of(name, fixed=stands_still(session))),
+                "title": said.say(title_of(name, session.cell)),
                 "word": verdict_words(read[name]["verdict"], said)[0],
                 "body": Markup(result_html(read[name], blocks[name], said, address_of(about.read))),
             }

@@ -1,0 +1,33 @@
+"""What steps and axes are called in a cell: by what carries its scanners, and what its object rides on."""
+
+from typing import Final
+
+from calib_core.cell.axes import TABLE
+from calib_core.cell.carriers import carrier_of_all, scanner_mount, scanner_names
+from calib_core.messages import message, templates
+from calib_core.records import Cell
+
+SCANNER_IN_BASE: Final = message("Scanner in base")
+_AXIS: Final = templates({"rotary": "Rotary axis {axis}", "linear": "Linear axis {axis}"})
+
+
+def axis_title(name: str, kind: str) -> str:
+    """Return what an axis is called; a rotary one that the cell does not name is the turntable."""
+    return message("Turntable") if (name, kind) == (TABLE, "rotary") else message(_AXIS[kind], axis=name)
+
+
+def object_axes_title(cell: Cell) -> str:
+    """Return what the axes are called that carry the object; the turntable where the cell names none."""
+    axes = [axis for axis in cell.axes or () if axis.carries == "object"]
+    if len(axes) > 1:
+        return message("Axes {axes}", axes=", ".join(axis.name for axis in axes))
+    return axis_title(axes[0].name, axes[0].kind) if axes else message("Turntable")
+
+
+def step_title(cell: Cell, step: str) -> str | None:
+    """Return what a step is called in a cell where its usual name does not fit."""
+    mounts = [scanner_mount(cell, name) for name in scanner_names(cell) or (None,)]
+    if step == "tcp" and carrier_of_all(mounts) == "base":
+        return SCANNER_IN_BASE
+    axes = object_axes_title(cell)
+    return axes if step == "turntable" and axes != message("Turntable") else None
