@@ -6,7 +6,14 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from calib_core.cell.axes import TABLE, frame_of
-from calib_core.cell.carriers import rides_on_axis, scanner_mount, scanner_name, scanner_told, stands_still
+from calib_core.cell.carriers import (
+    other_end,
+    rides_on_axis,
+    scanner_mount,
+    scanner_name,
+    scanner_told,
+    stands_still,
+)
 from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
@@ -90,6 +97,18 @@ def placed_scanner(result: Mapping[str, Any]) -> RigidTransform | None:
         if (rows := told.get(f"{mount}_from_laser")) is not None:
             return RigidTransform.from_rounded(rows, mount, "laser")
     return None
+
+
+def of_scanner(result: Mapping[str, Any], cell: Cell) -> Mapping[str, Any]:
+    """Return a result of several scanners, JSON data, as if it were of the one that a cell has."""
+    name, mount = next(iter(cell.scanners or ()), None), scanner_mount(cell)
+    frames, balls = result.get("frames") or (), result.get("spheres") or ()
+    frame = next((f for f in frames if (f["outof"], f.get("scanner")) == ("laser", name)), None)
+    ball = next((b["center_mm"] for b in balls if b["in"] == other_end(mount)), None)
+    if name is None or frame is None:
+        return result
+    own = {f"{mount}_from_laser": frame["matrix"], f"sphere_center_in_{other_end(mount)}_mm": ball}
+    return {**result, **dict.fromkeys(SCANNER_FRAMES), **own, "covariance": frame["covariance"]}
 
 
 def as_used(result: Mapping[str, Any]) -> Mapping[str, Any]:

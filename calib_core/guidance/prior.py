@@ -13,7 +13,7 @@ from calib_core.cell.carriers import (
     ball_on_flange,
     balls_in_sight,
     of_one_scanner,
-    scanner_names,
+    scanner_name,
     tells_diameter,
 )
 from calib_core.cell.found import (
@@ -21,6 +21,7 @@ from calib_core.cell.found import (
     carriers_found,
     covariance_of_several,
     known_scanner,
+    of_scanner,
     placed_scanner,
     scanner_frame,
 )
@@ -90,15 +91,16 @@ def known_of(
     step : str
         Whose captures are planned. Others than "tcp" are taken away from those of the calibration.
     """
+    session = in_hand(session, step)
     cell = session.cell
-    if not tells_diameter(cell) or (ball_on_flange(cell) and len(scanner_names(cell)) > 1):
+    if not tells_diameter(cell):
         return None
     captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
-    captures = of_one_scanner(captures, _LEAST_SEARCHED)
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
     sight = sight_of(cell, [c for c in captures if c.id in kept], list(kept.values()))
     sphere = sphere_of(cell, [])
-    result = _solved(results)
+    solved = _solved(results)
+    result = None if solved is None else of_scanner(solved, cell)
     sight = _with_alike_points(sight, result)
     seen = observations_of(cell, captures, kept, sight, sphere)
     keep_off: tuple[RigidTransform, ...] = ()
@@ -148,6 +150,18 @@ def known_of(
     agreeing = [one for one in taken if one.capture not in apart]
     agreed = place.by_captures and not apart
     return Situation(agreeing, assumed, room, agreed, apart, with_arm, workpiece)
+
+
+def in_hand(session: Session, step: str = "tcp") -> Session:
+    """Return a session of several scanners as that one has it whose captures of a step are being taken."""
+    scanners = session.cell.scanners or {}
+    own = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
+    if len(scanners) < 2 or not own:
+        return session
+    name = of_one_scanner(own, _LEAST_SEARCHED)[-1].scanner or next(iter(scanners))
+    cell = session.cell.model_copy(update={"scanners": {name: scanners[name]}})
+    captures = [c for c in session.captures if c.step != step or scanner_name(session.cell, c) == name]
+    return session.model_copy(update={"cell": cell, "captures": captures})
 
 
 def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:

@@ -1,6 +1,7 @@
 """The TCP step: what to do now, from what the captures' poses and arcs give already."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
+from calib_core.guidance.prior import in_hand
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
 from calib_core.messages import Message, message, sentences
 from calib_core.records import Capture, Cell, GuideNow, Measured
@@ -51,7 +53,12 @@ _MANY = 12  # so many captures of different orientations do without pure transla
 
 def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the TCP step, None where the tool is given with the cell."""
+    of_all, view = view.session, replace(view, session=in_hand(view.session))
     now = _guide(view)
+    if now is not None and now.action == "capture" and view.session is not of_all:
+        (scanner,) = view.session.cell.scanners or ()
+        progress = message("Scanner {scanner}: {progress}", scanner=scanner, progress=now.progress)
+        now = now.model_copy(update={"progress": progress})
     if now is None or not ball_on_flange(view.session.cell):
         return now
     drawing = _OF_BALL.get(now.drawing, now.drawing)

@@ -1,0 +1,41 @@
+"""The guide of a cell with several scanners: each is led by its own captures, and never held against another."""
+
+from itertools import chain
+
+import pytest
+
+import calib_core as cc
+from calib_core.captures.measure import measure_capture
+from calib_core.records import Session
+from calib_core.stages.guide import guide
+
+
+def in_turn(seed: int) -> tuple[cc.OpenSession, Session]:
+    """Return a cell with a scanner on the flange and one in base, which captured one after the other."""
+    opened, _ = cc.simulate("scanners-on-flange-and-base", seed)
+    by = [[c for c in opened.captures if c.scanner == name] for name in ("gate", "arm")]
+    return opened, opened.record.model_copy(update={"captures": [*chain(*zip(*by, strict=True))]})
+
+
+@pytest.mark.parametrize("count", [3, 7, 16])
+def test_good_captures_of_two_scanners_contradict_none(count: int) -> None:
+    opened, session = in_turn(1)
+    some = session.model_copy(update={"captures": session.captures[:count]})
+    now = guide(some, [measure_capture(some, one, opened.read) for one in some.captures], {}).current
+    assert "contradict" not in now.instruction
+    assert now.suggested_pose is not None
+    assert str(now.progress).startswith(("Scanner gate: ", "Scanner arm: "))
+    if count < 16:  # then the best pose is known, whoever carries what
+        assert ("the ball" in f"{now.instruction} {now.suggested_note}") == ("gate" in now.progress)
+
+
+def test_once_they_are_solved_it_goes_on_by_the_one_in_hand() -> None:
+    opened, session = in_turn(1)
+    results = {name: one.to_json() for name, one in cc.OpenSession(session, opened.read).run().items()}
+    assert guide(session, [], results).current.action == "review"
+    wanted = session.model_copy(update={"cell": session.cell.model_copy(update={"wanted_mm": 0.05})})
+    measured = [measure_capture(session, one, opened.read) for one in session.captures]
+    now = guide(wanted, measured, results).current
+    assert now.meter is not None
+    assert now.meter.uncertainty_mm is not None
+    assert now.meter.uncertainty_mm < 1.0
