@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib_core.cell.axes import frame_of
 from calib_core.exports.answer import Answer
-from calib_core.exports.axis_frames import other_axes
+from calib_core.exports.axis_frames import other_axes, table_axis
 from calib_core.exports.entry import Settings
 from calib_core.exports.writing import Part, wanted
 from calib_core.frames import FloatArray, RigidTransform
@@ -14,7 +15,7 @@ from calib_core.poses.rotations import angles_from_rotation
 
 
 class FrameSettings(Settings):
-    """What the frames are called.
+    """What the frames are called; `turntable` left out, as the cell calls that axis.
 
     ROS's `base_link` may be another frame than the controller's base: on a Universal Robots arm the two differ by
     half a turn about z, and the controller's is `base` there.
@@ -23,7 +24,7 @@ class FrameSettings(Settings):
     base: str = "base"
     flange: str = "tool0"
     scanner: str = "laser"
-    turntable: str = "turntable"
+    turntable: str | None = None
     part: Part | None = None
 
 
@@ -41,13 +42,14 @@ def edges_known(
     answer: Answer, settings: FrameSettings
 ) -> Iterator[tuple[str, str, RigidTransform, FloatArray | None]]:
     """Yield the same with the covariance (6, 6) of each, where it is stated."""
+    table = settings.turntable or frame_of(table_axis(answer))
     if answer.laser_from_turntable is not None:
         for seen in answer.frames:
             scanner, _, name = seen.into.partition(":")
             if scanner == "laser":
                 frame = RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
                 ends = [settings.scanner + f"_{one}" * bool(one) for one in (name, seen.outof.partition(":")[2])]
-                child = settings.turntable if seen.outof == "turntable" else ends[1]
+                child = table if seen.outof == "turntable" else ends[1]
                 yield ends[0], child, frame, np.array(seen.covariance, dtype=float)
         return
     answer.require_placed()
@@ -58,7 +60,7 @@ def edges_known(
     for child, (frame, covariance) in scanners.items() if with_tool else ():
         yield names[frame.into], child, frame, covariance
     if with_table and answer.base_from_turntable is not None:
-        yield settings.base, settings.turntable, answer.base_from_turntable, answer.table_covariance
+        yield settings.base, table, answer.base_from_turntable, answer.table_covariance
     if settings.part == "tool":
         return
     axes = {axis.name: axis for axis in other_axes(answer)}

@@ -49,7 +49,7 @@ function field(name, { type, items, enum: choices, title, description, exclusive
   }
   const wrap = (/** @type {HTMLElement} */ control) => h("div", { class: "field" }, h("label", { for: id }, label), control, below);
   if (choices) {
-    const none = value === null ? [h("option", { value: "" }, t("settings.usual"))] : [];
+    const none = value === null ? [h("option", { value: "" }, maybe(`settings.${prefix}.${name}_none`, t("settings.usual")))] : [];
     const select = h("select", { id, ...described }, ...none, ...choices.map((one) => h("option", { value: String(one), selected: one === value }, maybe(`settings.${prefix}.${name}_${one}`, maybe(`${name}.${one}`, String(one))))));
     return { element: wrap(select), read: () => select.value || null };
   }

@@ -42,8 +42,7 @@ function exportMenu(sessionId) {
     list.value = "";
     if (!entry) return;
     const { exportDialog, saveExport } = await import("./export-dialog.js");
-    if (Object.keys(entry.settings.properties ?? {}).length) exportDialog(sessionId, entry);
-    else await attempt(() => saveExport(sessionId, entry, {}));
+    await attempt(() => (Object.keys(entry.settings.properties ?? {}).length ? exportDialog(sessionId, entry) : saveExport(sessionId, entry, {})));
   } }, h("option", { value: "" }, t("result.export")));
   void attempt(async () => {
     entries = await offered("exports");
