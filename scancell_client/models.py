@@ -542,6 +542,7 @@ class RecheckResidual(Record):
 class RecheckRound(Record):
     """One round of a recheck: each pose captured once."""
     captures: list[str]
+    scanner: str | None = None
     change_mm: float
     uncertainty_mm: float
     change_in_laser_mm: list[float]
