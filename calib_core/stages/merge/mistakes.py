@@ -40,7 +40,7 @@ _RUBBLE = 0.25
 _RUBBLE_OF_FEW, _FEW_PAIRS = 0.1, 0.1  # where of all patches fewer than these lie together
 _ASTRAY, _WITHOUT = 0.08, 0.4  # of one scan; of what all have, what is left to the others without it
 _PAIRED = 0.5  # of what a patch of the others pairs: a scan that fits pairs as they do, whatever stands before it
-_FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those one before the other that say nothing
+_FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those in lines of sight that say nothing
 _MOST_CHECKED = 3
 _MORE_BY_STEPS, _MORE_BY_TWO = 1.15, 1.04  # of the score, as `MORE`
 _FACTORS = 1 + np.arange(-0.2, 0.2001, 0.004)
@@ -92,9 +92,10 @@ class Mistakes:
         apart = looked.overlap
         if len(looked.used) < 2 or len(looked.used) > _MOST_SCANS:
             return []
-        # Borders and bends put a few in a thousand one before the other, also where all scans fit together.
+        # Borders and bends put a few in a thousand into lines of sight, also where all scans fit together.
         fewest = _FEW_APART if apart.pairs < LEAST_PAIRS else _FEW_TOGETHER
-        impossible = looked.outward.impossible if looked.outward.before + looked.outward.behind > fewest else 0.0
+        out = looked.outward
+        impossible = out.impossible if out.impossible * (out.before + out.behind) > fewest else 0.0
         alone = [k for k in range(len(looked.used)) if apart.per_scan[k, 0] == 0]
         astray = self._astray(looked)
         if not (impossible > _MUDDLED or alone or astray or apart.pairs < LEAST_PAIRS):
