@@ -9,7 +9,8 @@ import numpy as np
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
 from calib_core.captures.certificate_dates import overdue_certificates
-from calib_core.cell.found import answering, placed_table, scanner_answered, table_seen
+from calib_core.cell.carriers import scanner_name
+from calib_core.cell.found import answering, of_scanner, placed_table, scanner_answered, table_seen
 from calib_core.errors import ConflictError, InputError
 from calib_core.findings import Finding, findings_in, judgement, worst_of
 from calib_core.findings.codes.faults import FAULT_CODES
@@ -121,7 +122,10 @@ class Answer:
         return found
 
     def of_scanner(self, name: str | None) -> "Answer":
-        """Return the answer as that of one of several scanners; raises InputError where there is no such one."""
+        """Return the answer, and what was captured for it, of one of several scanners.
+
+        Raises InputError where there is no such one.
+        """
         if name is None:
             return self
         scanners = self.scanners()
@@ -130,7 +134,16 @@ class Answer:
             raise InputError("a scanner that was solved", "'{name}'", "Name one of these: {known}.", "of_scanner",
                              name=name, known=known)  # fmt: skip
         frame, covariance = scanners[name]
-        return replace(self, mount_from_laser=frame, tool_covariance=covariance)
+        cell, told = self.session.cell, self.session.cell.scanners or {}
+        own = cell.model_copy(update={"scanners": {name: told[name]}}) if name in told else cell
+        captures = [one for one in self.session.captures if scanner_name(cell, one) in ("", name)]
+        return replace(
+            self,
+            session=self.session.model_copy(update={"cell": own, "captures": captures}),
+            results={**self.results, self.stage: of_scanner(self.results[self.stage], own)},
+            mount_from_laser=frame,
+            tool_covariance=covariance,
+        )
 
     @property
     def faults(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export, Settings
 from calib_core.exports.workpiece import seen_in_laser_mm
-from calib_core.exports.writing import provenance, tool_pose
+from calib_core.exports.writing import provenance, several_scanners, tool_pose
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
@@ -30,7 +30,9 @@ _LEAST_FREE_MM = 20.0
 
 
 class CheckSettings(Settings):
-    """How far outside an approach begins, and how fast the robot goes."""
+    """How far outside an approach begins, how fast the robot goes; of which of several scanners."""
+
+    of_scanner: str | None = None
 
     approach_mm: float = Field(default=150.0, ge=50.0, le=1000.0)
     speed_mm_s: float = Field(default=50.0, gt=0.0, le=250.0)
@@ -84,6 +86,7 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
     InputError
         If the captures do not tell where the sphere stood.
     """
+    answer = checked_tool(answer, settings)
     answer.require_usable()
     _ = answer.tool  # of a scanner that stands still there is no tool to check
     if "undetermined" in (result := answer.results[answer.stage]) and result["undetermined"]:
@@ -110,6 +113,14 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
     )
     spread = _spread_mm(answer, point, float(result.get("center_scatter_rms_mm") or 0.0))
     return CheckMove(targets, point, center, diameter / 2 if diameter else None, spread)
+
+
+def checked_tool(answer: Answer, settings: CheckSettings) -> Answer:
+    """Return the answer of the scanner that is checked: the one that is named, else the only one on the flange."""
+    held = [name for name, (mount, _) in answer.scanners().items() if mount.into == "tool0"]
+    if settings.of_scanner is None and len(held) > 1:
+        raise several_scanners()
+    return answer.of_scanner(settings.of_scanner or next(iter(held), None))
 
 
 def _placed(rotation: FloatArray, center_mm: FloatArray, point_mm: FloatArray) -> RigidTransform:
@@ -147,6 +158,7 @@ def _spread_mm(answer: Answer, point_mm: FloatArray, scatter_mm: float) -> float
 
 def _write(answer: Answer, settings: CheckSettings) -> str:
     """Return the targets in the session's own convention, for the scanner's frame and for the flange."""
+    answer = checked_tool(answer, settings)
     move = check_move(answer, settings)
     convention = answer.session.cell.pose_convention
     tool = answer.tool

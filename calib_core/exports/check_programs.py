@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import Field
 
 from calib_core.exports.answer import Answer
-from calib_core.exports.check_move import CheckSettings, check_move
+from calib_core.exports.check_move import CheckSettings, check_move, checked_tool
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import Name, provenance, tool_pose
 from calib_core.frames import RigidTransform
@@ -106,6 +106,7 @@ def check_moves(answer: Answer, chosen: CheckSettings, convention: str) -> Moves
     def numbers(pose: RigidTransform) -> list[float]:
         return to_pose(convention, RigidTransform(pose.matrix, "base", "tool0"))
 
+    answer = checked_tool(answer, chosen)
     move = check_move(answer, chosen)
     tool = tool_pose(answer, convention)
     comments = [

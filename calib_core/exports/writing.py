@@ -35,7 +35,7 @@ class ControllerSettings(Settings):
 
     def of_one(self, which: int, name: str) -> Self:
         """Return them with the tool of one of several scanners; raises ConflictError where a program has one."""
-        raise _several()
+        raise several_scanners()
 
     def of_axis(self, which: int, name: str) -> Self | None:
         """Return them with the user frame of another axis than the table; None where a program has one."""
@@ -89,10 +89,11 @@ class NamedSettings(ControllerSettings):
 def require_one_scanner(answer: Answer, settings: ControllerSettings) -> None:
     """Raise ConflictError where one entry of a backup would be any of several scanners."""
     if settings.of_scanner is None and len(answer.scanners()) > 1:
-        raise _several()
+        raise several_scanners()
 
 
-def _several() -> ConflictError:
+def several_scanners() -> ConflictError:
+    """Return the refusal to write one tool of several scanners."""
     need = message("the name of one scanner in `of_scanner`: one tool is written")
     return ConflictError(need, "several scanners", "Export each with its own `of_scanner`.", "of_scanner")
 

@@ -56,7 +56,8 @@ class CellThoughtOf(SolvedCell):
             elif self.machine == "arm":
                 leaning = rotation_from_vector(lean) @ rotation_from_vector(turn)
                 rotation = _DOWN @ mount @ leaning @ mount.T if self._moves_scanner(scanner) else _DOWN @ leaning
-            shift = shifts[k] * ([0.0, 1.0, 0.0] if self.machine == "linear" else [1.0, 1.0, 1.0])  # across the light
+            across_light = [0.0, 1.0, 0.0]
+            shift = shifts[k] * (across_light if self.machine == "linear" else [1.0, 1.0, 1.0])
             found.append(RigidTransform.of(rotation, self._middle(scanner) + shift, "base", "tool0"))
         return found
 

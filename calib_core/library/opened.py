@@ -134,15 +134,12 @@ class OpenSession:
         ConflictError
             If nothing is solved yet.
         """
+        from calib_core.exports.in_controller import compared_with
         from calib_core.library.machines import files_of
-        from calib_core.robots.read_back import frame_in, read_back
 
-        answer = self._answer()
         if isinstance(numbers, (str, Path)):
-            known, values = frame_in(files_of(Path(numbers)), None, tool, answer.mount_from_laser)
-        else:
-            known, values = convention or answer.session.cell.pose_convention, list(numbers)
-        return read_back(values, known, answer.mount_from_laser).of_answer(answer.faults)
+            return compared_with(self._answer(), files=files_of(Path(numbers)), named=tool)
+        return compared_with(self._answer(), numbers=list(numbers), convention=convention)
 
     def frame(self, into: str, outof: str, capture: str | None = None) -> "FoundTransform":
         """Return the transform ``into_from_outof`` between two frames of the cell, with its covariance.

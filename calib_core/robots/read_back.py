@@ -1,7 +1,7 @@
 """A tool as it stands in a controller, compared with the right one: equal, or what differs, in words."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 from typing import Any
@@ -17,6 +17,7 @@ from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import convention_named, parse_pose, to_pose
 from calib_core.records.faults import FAULTS
 from calib_core.robots.backup import read_controller_files
+from calib_core.robots.controller_file import Frame
 
 _POSITION_MM, _ROTATION_DEG = 0.01, 0.005
 """What pendants round away: two decimals of a millimetre, three of a degree and the like."""
@@ -77,11 +78,12 @@ def typed_numbers(text: str, convention: str) -> list[float]:
 
 
 def frame_in(
-    files: Mapping[str, bytes], brand: str | None, named: str | None, expected: RigidTransform
-) -> tuple[str, list[float]]:
-    """Return convention and numbers of a frame in a controller's files, by its number or name.
+    files: Mapping[str, bytes], brand: str | None, named: str | None, into: Collection[str]
+) -> tuple[str, list[float], str]:
+    """Return convention and numbers of a frame in a controller's files, by its number or name, and what it is in.
 
-    It is a tool, or a user frame where what is `expected` there is a frame of the base.
+    `into`: `tool0` for tools, `base` for user frames (of a script: its variables).  Where both are wanted and one
+    name is of either, the tool counts.
 
     Raises
     ------
@@ -89,15 +91,22 @@ def frame_in(
         If there is none like it, or several and none is named.
     """
     read = read_controller_files(files, brand)
-    listed, what = (read.tools, "tool") if expected.into == "tool0" else (read.frames, "user frame")
-    frames = [frame for frame in listed if frame.group == 1]
-    found = [frame for frame in frames if named is None or str(frame.number) == named or frame.name == named]
+    in_base = [
+        Frame(one.name, None, pose, one.convention, one.line)
+        for one in read.poses
+        if one.frame == "base" and (pose := one.as_written or one.pose) is not None
+    ]
+    each = {"tool0": read.tools, "base": read.frames or in_base}
+    listed = [(one, on) for on, frames in each.items() if on in into for one in frames if one.group == 1]
+    found = [one for one in listed if named is None or named in (str(one[0].number), one[0].name)]
+    found = [one for one in found if one[1] == found[0][1]]
     if len(found) != 1:
-        names = ", ".join(str(frame.number) for frame in frames) or "none"
+        names = ", ".join(str(one.number) for one, _ in listed) or "none"
         to_do = message("Name one with --tool.")
-        need = message("one tool of the file") if what == "tool" else message("one user frame of the file")
+        need = message("one tool of the file") if "tool0" in into else message("one user frame of the file")
         raise InputError(need, "these: {names}", to_do, next(iter(files)), names=names)
-    return found[0].convention, list(found[0].pose)
+    one, on = found[0]
+    return one.convention, list(one.pose), on
 
 
 def read_back(numbers: Sequence[float], convention: str, expected: RigidTransform) -> ReadBack:

@@ -27,10 +27,10 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_results, load_session
     from calib_core.errors import InputError
     from calib_core.exports.answer import answer_of
+    from calib_core.exports.in_controller import compared_with
     from calib_core.graph.keys import Graph
     from calib_core.library.machines import files_of
     from calib_core.review.provenance import replayed
-    from calib_core.robots.read_back import frame_in, read_back, typed_numbers
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
@@ -38,14 +38,14 @@ def _run(options: argparse.Namespace) -> int:
         answer = answer_of(session, results, Graph.stale_of(session, read, results))
     if (options.numbers is None) == (options.file is None):
         raise InputError("FILE or --numbers", "both or neither", "Name one of these.", "read-back")
-    if options.numbers is not None:
-        convention = options.convention or answer.session.cell.pose_convention
-        numbers = typed_numbers(options.numbers, convention)
-    else:
-        convention, numbers = frame_in(
-            files_of(options.file), options.brand, options.tool, answer.mount_from_laser
-        )
-    found = read_back(numbers, convention, answer.mount_from_laser).of_answer(answer.faults)
+    found = compared_with(
+        answer,
+        numbers=options.numbers,
+        convention=options.convention,
+        files=None if options.file is None else files_of(options.file),
+        brand=options.brand,
+        named=options.tool,
+    )
     print_result(options, found.words, found.to_json())
     return OK if found.equal and not found.faults else NOT_ACCEPTED
 

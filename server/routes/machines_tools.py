@@ -93,19 +93,21 @@ async def read_back_tool(
         contents = await contents_of(files) if files else {}
 
         def compared() -> tuple[dict[str, Any], dict[str, str]]:
-            from calib_core.robots.read_back import frame_in, read_back, typed_numbers
+            from calib_core.exports.in_controller import compared_with
 
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
             if bool(numbers.strip()) == bool(contents):
                 to_do = "Name one of these."
                 raise InputError("the controller's files or numbers", "both or neither", to_do, "read-back")
-            if contents:
-                known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)
-            else:
-                known = convention or answer.session.cell.pose_convention
-                pose = typed_numbers(numbers, known)
-            found = read_back(pose, known, answer.mount_from_laser).of_answer(answer.faults)
+            found = compared_with(
+                answer,
+                numbers=numbers,
+                convention=convention or None,
+                files=contents,
+                brand=brand or None,
+                named=tool or None,
+            )
             return found.to_json(), dict(answer_headers(answer))
 
         found, headers = await run_in_threadpool(compared)
