@@ -1,4 +1,7 @@
-"""The files of an upload, under the names that the capture's record gives them."""
+"""The files of an upload, under the names that the capture's record gives them.
+
+How large a request may be, `server/http/security_headers.py` says.
+"""
 
 import asyncio
 from collections.abc import AsyncGenerator, Mapping

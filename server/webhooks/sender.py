@@ -1,4 +1,7 @@
-"""What delivers webhooks: a thread that sends what is due, to each receiver in order."""
+"""What delivers webhooks: a thread that sends what is due, to each receiver in order.
+
+When a failed one is tried again, `server/store/webhooks.py` decides.
+"""
 
 import json
 import logging
