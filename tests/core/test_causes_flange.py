@@ -16,6 +16,8 @@ from calib_core.stages.tcp.record import TcpResult
 _SCANNER = RigidTransform.of([0.2, -0.3, 0.1], [40.0, -60.0, 120.0], "tool0", "laser")
 _TOOL = RigidTransform.of([0.1, 0.4, -0.6], [12.0, 5.0, 180.0], "tool0", "laser")
 _FRAME = RigidTransform.of([0.0, 0.1, 0.8], [300.0, -200.0, 50.0], "base", "turntable")
+_HALF_TURN = RigidTransform.of([0.0, 0.0, np.pi], [0.0, 0.0, 0.0], "base", "turntable")
+"""ROS's base_link, or the controller's base."""
 _SPHERE = np.array([500.0, 100.0, 200.0])
 
 
@@ -46,11 +48,14 @@ def solved(session: Session) -> TcpResult:
     return result
 
 
-@pytest.mark.parametrize(("tool", "frame"), [(_TOOL, None), (None, _FRAME)])
-def test_it_is_named_and_brought_back(tool: RigidTransform | None, frame: RigidTransform | None) -> None:
+@pytest.mark.parametrize(
+    ("tool", "frame", "of"), [(_TOOL, None, "tool"), (None, _FRAME, "frame"), (_TOOL, _HALF_TURN, "both")]
+)
+def test_it_is_named_and_brought_back(tool: RigidTransform | None, frame: RigidTransform | None, of: str) -> None:
     session = session_of(tool, frame)
     found = solved(session)
     assert found.verdict == "warn"
+    assert [one.values["of"] for one in found.findings if one.code == "poses-not-of-the-flange"] == [of]
     (cause,) = found.causes
     assert cause.kind == "not-the-flange"
     (evidence,) = cause.evidence

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from calib_core.causes.table import _lost_steps, _refined, direction_findings
+from calib_core.causes.table import _lost_steps, _refined, angles_of, direction_findings, read_anew
 from calib_core.chain.observations import SphereObservation, TableObservation
 from calib_core.chain.table_frame import TableFrame
 from calib_core.frames import RigidTransform
-from calib_core.records import Cell
+from calib_core.records import Capture, Cell
+from calib_core.records.causes import TableReading
 
 ANGLES_RAD = np.deg2rad(np.arange(0.0, 360.0, 40.0))
 POSE = RigidTransform.of(np.eye(3), np.zeros(3), "base", "tool0")
@@ -34,6 +35,32 @@ def test_a_factor_of_the_angles_is_found_about_a_rough_one(factor: float) -> Non
     rough = 0.9 if factor < 0.96 else 1.0
     everything = [np.arange(9)]
     assert _refined(rough, ANGLES_RAD, factor * ANGLES_RAD + 0.7, everything) == pytest.approx(factor, abs=3e-4)
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [
+        TableReading(factor=0.9),
+        TableReading(offset_deg=12.5, since="p4"),
+        TableReading(offset_deg=-3.0, since="p0"),
+    ],
+)
+def test_angles_that_are_handed_back_are_those_that_fitted(reading: TableReading) -> None:
+    pose = [0.0] * 6
+    captures = [
+        Capture.model_validate(
+            {"id": o.sphere.capture, "step": "turntable", "kind": "profile", "files": ["a.csv"], "pose": pose}
+            | {"table_deg": float(np.rad2deg(o.angle_rad))}
+        )
+        for o in told()
+    ]
+    patches = angles_of(reading, captures).captures
+    now = [patches.get(capture.id, {}).get("table_deg", capture.table_deg) for capture in captures]
+    np.testing.assert_allclose(now, np.rad2deg([o.angle_rad for o in read_anew(told(), reading)]), atol=1e-6)
+    first = 4 if reading.since == "p4" else 0
+    np.testing.assert_allclose(
+        now, np.rad2deg(reading.factor * ANGLES_RAD) + np.where(np.arange(9) >= first, reading.offset_deg, 0.0)
+    )
 
 
 @pytest.mark.parametrize(("direction", "counts"), [(1, "right"), (-1, "left")])

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.board_circles import _is_grid
 from calib_core.records import Board
 from calib_core.records.camera_result import CameraResult
 from calib_core.simulation import simulate
@@ -53,6 +54,21 @@ def test_circles_are_told_by_their_own_centres_not_those_of_their_ellipses(
     # The ellipses' middles are off by 0.02 to 0.07 px at the first two tilts, all alike.
     assert np.sqrt(np.mean(error**2)) < 0.01
     assert np.abs(error.mean(axis=0)).max() < 0.004
+
+
+def test_points_are_a_grid_where_some_view_of_the_flat_board_has_them() -> None:
+    """What OpenCV takes for a grid is believed only where a homography brings it about."""
+    grey = np.zeros((480, 640), np.uint8)
+    places = CIRCLES.points_on_board_mm()
+    view = np.array([[5.0, 0.8, 120.0], [-0.4, 4.5, 90.0], [2e-3, 1e-3, 1.0]])
+    shown = np.column_stack([places[:, :2], np.ones(len(places))]) @ view.T
+    points = shown[:, :2] / shown[:, 2:]
+    assert _is_grid(points, grey, places)
+    wavy = points + np.random.default_rng(2).normal(0, 0.5, points.shape)
+    assert _is_grid(wavy, grey, places)
+    assert not _is_grid(np.random.default_rng(1).permutation(points), grey, places)
+    assert not _is_grid(points + 300.0, grey, places)
+    assert not _is_grid(points / 12, grey, places)
 
 
 @pytest.mark.parametrize(("kind", "worst_px"), [("across", 0.02), ("shadow", 0.02)])

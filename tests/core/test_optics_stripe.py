@@ -162,6 +162,20 @@ def test_moderate_saturation_keeps_centres_and_gross_saturation_is_left_out() ->
         find_stripe(np.full((200, 300), 255, np.uint8) - (np.arange(300) == 5).astype(np.uint8))
 
 
+@pytest.mark.parametrize("clear", [0, 40, 240])
+def test_flanks_tell_the_centres_of_saturated_columns_and_the_width_where_most_are(clear: int) -> None:
+    center = curve(320)
+    amplitude = np.where(np.arange(320) < clear, 140.0, 1500.0)
+    image = frame(light(center, 1.0, 3.0, 0.0) * amplitude + 10.0, 2)
+    found = find_stripe(image, StripeOptions(flanks=True, width_px=3.0))
+    np.testing.assert_array_equal(found.column_px, np.arange(320))
+    assert np.sqrt(np.mean(errors(found, center) ** 2)) < 0.08
+    # A stripe of 1500 over 10 is at half of what is left to 255 so far from its middle:
+    half_px = 3.0 * np.sqrt(2 * np.log(1500 / (0.5 * 245)))
+    told_px = 3.0 if clear > 160 else half_px / np.sqrt(2 * np.log(2))
+    assert found.width_px == pytest.approx(told_px, rel=0.02)
+
+
 def test_a_double_stripe_is_not_guessed_and_a_reflection_gives_way() -> None:
     center = curve()
     mean = light(center) + light(center + 120, 130.0, dark=0.0)

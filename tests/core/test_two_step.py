@@ -7,7 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, orientation_span, pure_translations, two_step
+from calib_core.chain.two_step_covariance import _by_size, _own_covariance
 from calib_core.frames import RigidTransform, rotation_from_vector
 from tests.core.exact_sphere import ExactCell, exact_cell, turns
 
@@ -114,3 +117,29 @@ def test_the_span_counts_the_axes_that_were_turned_about(vectors: np.ndarray, ex
     first = rotation_from_vector([1.0, 2.0, -0.5])
     span = orientation_span(np.array([first @ rotation_from_vector(v) for v in vectors]))
     assert tuple((span > EQUAL_ORIENTATION_RAD).astype(int)) == expected
+
+
+@settings(max_examples=20)
+@given(st.floats(2.0, 38.0), st.sampled_from([-1.0, 1.0]), st.floats(0.001, 0.2))
+def test_a_profiles_centre_moves_with_radius_and_circle_as_pythagoras_says(
+    circle_mm: float, side: float, sigma_mm: float
+) -> None:
+    """The centre stands √(R² − r²) beside the profile's plane: differences of that foretell both."""
+
+    def height(radius_mm: float, circle_mm: float) -> float:
+        return float(np.sqrt(radius_mm**2 - circle_mm**2))
+
+    size = SphereSize(80.0, sigma_mm)
+    center = np.array([3.0, side * height(40.0, circle_mm), 250.0])
+    covariance = np.diag([0.01, 0.02, 0.03]) + 0.002
+    pose, none = RigidTransform.of(np.eye(3), np.zeros(3), "base", "tool0"), np.empty((0, 3))
+    one = SphereObservation("p1", pose, "profile", none, center * [1, 0, 1], covariance, circle_mm)
+    cloud = SphereObservation("c1", pose, "cloud", none, center, covariance)
+    of_size = float(np.hypot(sigma_mm / 2, ScannerPriors().incidence_mm))
+    by_radius = (height(40.0 + 1e-4, circle_mm) - height(40.0 - 1e-4, circle_mm)) / 2e-4
+    moved = _by_size([one, cloud], size, np.array([center, center]))
+    np.testing.assert_allclose(moved, [[0.0, side * by_radius * of_size, 0.0], [0.0, 0.0, 0.0]], rtol=1e-4)
+    by_circle = (height(40.0, circle_mm + 1e-4) - height(40.0, circle_mm - 1e-4)) / 2e-4
+    of_center = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, by_circle], [0.0, 1.0, 0.0]])
+    np.testing.assert_allclose(_own_covariance(one, size), of_center @ covariance @ of_center.T, rtol=1e-4)
+    np.testing.assert_allclose(_own_covariance(cloud, size), covariance)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.chain.warm_up import _largest_step, _Said, _Scores
 from calib_core.records import Session
 from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import cell_drift
@@ -123,3 +124,18 @@ def test_the_drift_of_a_cell_tells_it_of_each_session() -> None:
     told = cell_drift([SolvedSession("a", "cold start", "2026-01-01", results)])
     assert [(one.name, one.found, one.settled) for one in told.within] == [("cold start", True, False)]
     assert told.within[0].sentence.startswith("The scanner")
+
+
+@pytest.mark.parametrize("after", [2, 3, 7, 12, 13])
+def test_the_likeliest_sudden_shift_is_that_of_the_best_of_all_splits(after: int) -> None:
+    """Independent captures of one noise: a split takes off χ² what the mean before it is off, by least squares."""
+    rng, sigma_mm, count = np.random.default_rng(after), 0.05, 15
+    off = rng.normal(0, sigma_mm, (count, 3)) + np.where(np.arange(count) < after, 0.4, 0.0)[:, None]
+    said = off / sigma_mm**2, np.tile(np.eye(3) / sigma_mm**2, (count, 1, 1)), np.zeros((count, 3, 1))
+    scores = _Scores(*said, "scanner", _Said(*said), np.zeros((1, 1)), np.zeros(1), 0.0)
+    gains = []
+    for first in range(2, count - 1):
+        left = off.copy()
+        left[:first] -= off[:first].mean(axis=0)
+        gains.append(float((off**2).sum() - (left**2).sum()) / sigma_mm**2)
+    assert _largest_step(scores) == pytest.approx(max(gains), rel=1e-3)
