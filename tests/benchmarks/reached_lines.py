@@ -1,5 +1,6 @@
 """Which tests run which line, and how long each takes: a plugin of pytest beside coverage, and its reader."""
 
+import ast
 import json
 import os
 import subprocess
@@ -50,14 +51,18 @@ def noted(root: Path, folder: Path) -> Path:
 
 
 def reaching(folder: Path, source: Path, line: int, most_s: float) -> list[str]:
-    """Return the tests that run a line, of a constant those that run any of its file.
+    """Return the tests that run a line; outside functions those that run any line of its file within one.
 
     Fast ones are taken first, and one of each function before others of it, until they take `most_s`. A statement
     of several lines is known by its first.
     """
     by_line, seconds = _lines(folder, source), _took(folder)
-    named = next((by_line[k] for k in range(line, 0, -1) if k in by_line), [])
-    tests = {test for test in named if test} or {test for names in by_line.values() for test in names if test}
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    bodies = [node.body for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    inside = {k for body in bodies for k in range(body[0].lineno, (body[-1].end_lineno or 0) + 1)}
+    firsts = [n.lineno for n in ast.walk(tree) if isinstance(n, ast.stmt) and line in range(n.lineno, _end(n))]
+    some = {max(firsts, default=line)} if line in inside else inside  # what is outside runs with the first import
+    tests = {test for k in some for test in by_line.get(k, ()) if test}
     seen: Counter[str] = Counter()
     turns: list[tuple[int, str]] = []
     for test in sorted(tests, key=lambda one: (seconds.get(one, most_s), one)):
@@ -70,6 +75,10 @@ def reaching(folder: Path, source: Path, line: int, most_s: float) -> list[str]:
         if left_s > 0:
             taken.append(test)
     return taken
+
+
+def _end(node: ast.stmt) -> int:
+    return (node.end_lineno or node.lineno) + 1
 
 
 @cache

@@ -90,6 +90,18 @@ def test_radians_are_named() -> None:
     assert "radians" in guided(session, results).current.why
 
 
+def test_small_angles_of_whole_degrees_are_no_radians(cell: Session) -> None:
+    session, results = after_tcp(cell, 16)
+    numbers = {c.id: number for number, c in enumerate(session.captures)}
+    small = [
+        c.model_copy(update={"table_deg": float(numbers[c.id] % 6 + 1)}) if c.step == "turntable" else c
+        for c in session.captures
+    ]
+    assert "radians" not in guided(session.model_copy(update={"captures": small}), results).current.why
+    small = [c.model_copy(update={"table_deg": c.table_deg and c.table_deg + 0.1}) for c in small]
+    assert "radians" in guided(session.model_copy(update={"captures": small}), results).current.why
+
+
 def test_table_then_chain_then_review(cell: Session) -> None:
     session, results = after_tcp(cell, 16)
     assert (guided(session, results).current.action, guided(session, results).current.stage) == (

@@ -55,6 +55,18 @@ def test_the_truth_lies_within_the_stated_uncertainty(simulated, result):
     assert all(row.used for row in result.residuals)
 
 
+def test_captures_that_count_less_are_named_with_their_weights(simulated, result):
+    pose = simulated.session.captures[11].pose
+    session = changed(simulated.session, 11, pose=[pose[0] + 0.5, *pose[1:]])
+    off = solve_stage(session, "tcp", simulated.files.__getitem__)
+    light = {row.capture: row.weight for row in off.residuals if row.used and row.weight < 0.5}
+    assert session.captures[11].id in light
+    (note,) = [one for one in off.findings if one.code == "captures-count-less"]
+    assert note.captures == list(light)
+    assert note.values["weights"] == ", ".join(f"{name} ({weight:.0%})" for name, weight in light.items())
+    assert not [one for one in result.findings if one.code == "captures-count-less"]
+
+
 def test_progress_rises_to_the_end(simulated):
     told = []
     solve_stage(
