@@ -5,8 +5,9 @@ those that stand nearest to its file (of its name or its folder's, then those th
 What lives here may still be noticed by the whole suite, so the share is a lower bound.
 
 Not drawn is what cannot change an outcome, by a rule that looks at the changed expression alone: `<` for `<=`
-between real numbers (one has a unit in its name, or a point), `strict=` of a zip, how a record is declared, what
-joins types, and a number that moves by a hundredth of itself or less.
+between real numbers (one has a unit in its name, or a point), a product for a quotient of which the sign alone is
+asked, `is` for `==` (beside a literal for any comparison: Python itself warns of it, as an error), `strict=` of a
+zip, how a record is declared, what joins types, and a number that moves by a hundredth of itself or less.
 """
 
 import ast
@@ -48,6 +49,7 @@ FIRST = 12
 SEED = 20261129
 _UNITS = ("_mm", "_mm2", "_rad", "_deg", "_px", "_s", "_share", "_percent", "sigma", "chance")
 _EDGES = ({ast.Lt, ast.LtE}, {ast.Gt, ast.GtE})
+_SAME = ({ast.Eq, ast.Is}, {ast.NotEq, ast.IsNot})
 _TYPES_ALONE = "BitOr"
 """In a source of this project `|` joins types, which nothing evaluates."""
 
@@ -122,11 +124,28 @@ def _changes_nothing(text: str, changed: str) -> bool:
         if isinstance(was, ast.Compare) and isinstance(now, ast.Compare):
             edges = [{type(a), type(b)} for a, b in zip(was.ops, now.ops, strict=True) if type(a) is not type(b)]
             if edges:
-                return edges[0] in _EDGES and any(map(_is_real, ast.walk(was)))
+                return _is_same_comparison(was, edges[0])
+            if {_operator(was.left), _operator(now.left)} == {ast.Mult, ast.Div} and 0 in _literals(was):
+                return True
         if isinstance(was, ast.Constant) and isinstance(now, ast.Constant) and was.value != now.value:
             both = isinstance(was.value, int | float) and isinstance(now.value, int | float)
             return both and abs(now.value - was.value) <= 0.01 * abs(was.value)
     return False
+
+
+def _is_same_comparison(was: ast.Compare, kinds: set[type[ast.cmpop]]) -> bool:
+    """Return whether one kind of comparison for another tells no outcome, or is what Python warns of."""
+    warned = bool(kinds & {ast.Is, ast.IsNot} and _literals(was))
+    return warned or kinds in _SAME or (kinds in _EDGES and any(map(_is_real, ast.walk(was))))
+
+
+def _literals(node: ast.Compare) -> list[object]:
+    sides = [node.left, *node.comparators]
+    return [side.value for side in sides if isinstance(side, ast.Constant) and side.value is not None]
+
+
+def _operator(node: ast.AST) -> type[ast.operator] | None:
+    return type(node.op) if isinstance(node, ast.BinOp) else None
 
 
 def _is_real(node: ast.AST) -> bool:
