@@ -55,8 +55,7 @@ def _sharp(
     length = np.linalg.norm(corners[ends[:, 1]] - corners[ends[:, 0]], axis=1)
     width = (area2[a] + area2[b]) / np.maximum(2 * length, 1e-12)  # between the middles of both faces' heights
     bent = turning * np.minimum(voxel_mm / np.maximum(width, 1e-12), 1e6) > _WITHIN_A_VOXEL_RAD
-    small = width < voxel_mm
-    sharp = (area2[a] > 0) & (area2[b] > 0) & ((turning > _SHARP_RAD) | (small & bent))
+    sharp = (area2[a] > 0) & (area2[b] > 0) & ((turning > _SHARP_RAD) | bent)
     return corners[ends[sharp, 0]], corners[ends[sharp, 1]]
 
 

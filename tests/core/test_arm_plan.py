@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from calib_core.arms.corrected import corrected_arm
-from calib_core.arms.errors import arm_terms
+from calib_core.arms.errors import arm_terms, reach_of
 from calib_core.arms.inverse import joints_of_poses
 from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
-from calib_core.guidance.arm_plan import arm_worth
+from calib_core.guidance.arm_plan import _home, arm_worth
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
 from calib_core.records import ArmJoint, ArmTable
 from calib_core.records.planning import FieldOfView
@@ -32,6 +32,14 @@ def test_more_captures_make_the_arm_better_and_more_lean_does(name: str) -> None
     little = arm_worth(NAMED_ARMS[name], 0.03, tilt_deg=6.0)
     assert little[-1].with_mm > worth[-1].with_mm
     assert not any(one.worth_it for one in arm_worth(NAMED_ARMS[name], 8.0))  # an arm that never comes back
+
+
+@pytest.mark.parametrize("name", ["irb120", "ur10e", "kr16-2", "m-20ia"])
+def test_the_arm_is_tried_where_it_holds_the_flange_downwards_in_front_of_it(name: str) -> None:
+    arm = NAMED_ARMS[name]
+    flange = flange_of_joints(arm, _home(arm, np.random.default_rng(1)))
+    assert flange.rotation[2, 2] < -0.7
+    assert 0.3 < np.hypot(*flange.translation_mm[:2]) / reach_of(arm) < 0.75
 
 
 def test_what_is_promised_without_the_errors_is_what_arms_that_are_off_do() -> None:

@@ -12,6 +12,7 @@ from calib_core.exports.answer import answer_of
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES
+from calib_core.optics.hand_eye import HandEye
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Session
 from calib_core.records.evidence import Picture
@@ -20,7 +21,7 @@ from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
 from calib_core.stages.evidence import made_evidence, stored_evidence
 from calib_core.stages.hand_eye.record import HandEyeResult
-from calib_core.stages.hand_eye.solve import agreement_of, composed
+from calib_core.stages.hand_eye.solve import agreement_of, composed, hand_eye_findings
 from calib_core.stages.pipeline import run, solve_stage
 from tests.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
 
@@ -159,6 +160,26 @@ def test_agreement_and_composition_by_samples() -> None:
     assert (far.chance < 1e-6, far.with_stage) == (True, "tcp")
     assert far.sigmas[3] > 20
     assert np.mean(squares) == pytest.approx(6.0, abs=0.8)
+
+
+@pytest.mark.parametrize(
+    ("sigma_mm", "sigma_deg", "shift_mm", "code"),
+    [
+        (0.1, 0.05, 0.1, None),
+        (0.1, 0.05, 0.9, "board-and-sphere-differ"),
+        (2.0, 0.05, 9.0, "camera-on-flange-weak"),
+        (0.1, 0.9, 0.9, "camera-on-flange-weak"),
+    ],
+)
+def test_only_a_firm_second_opinion_that_chance_does_not_explain_contradicts(
+    sigma_mm: float, sigma_deg: float, shift_mm: float, code: str | None
+) -> None:
+    pose = RigidTransform.of([0.3, -0.2, 0.9], [30.0, -90.0, 60.0], "tool0", "camera")
+    covariance = np.diag([np.deg2rad(sigma_deg) ** 2] * 3 + [sigma_mm**2] * 3)
+    found = HandEye(pose, pose, 1.0, np.zeros(0), covariance, 0.1, 1e-3)
+    agreement = agreement_of("tcp", pose.perturbed([0, 0, 0, shift_mm, 0, 0]), covariance, pose, np.zeros((6, 6)))
+    assert [one.code for one in hand_eye_findings(found, agreement)] == ([code] if code else [])
+    assert [one.code for one in hand_eye_findings(found, None)] == ([code] if code and "weak" in code else [])
 
 
 def test_frames_that_do_not_count_are_told_by_gate_with_a_picture(made: SimulatedSession) -> None:

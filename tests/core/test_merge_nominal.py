@@ -11,7 +11,7 @@ from calib_core.errors import InputError
 from calib_core.formats.ply import ply_pieces
 from calib_core.graph.keys import inputs_sha256
 from calib_core.records import parse_session
-from calib_core.records.evidence import Figure
+from calib_core.records.evidence import Figure, Plot
 from calib_core.simulation import simulate
 from calib_core.simulation.part import build_part
 from calib_core.stages.merge.record import MergeResult
@@ -81,6 +81,10 @@ def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -
     headline = [block for block in result.evidence if getattr(block, "headline", False)]
     assert any("Deviation from the nominal" in block.label for block in headline if isinstance(block, Figure))
     assert any("0.2 mm" in block.label for block in headline if isinstance(block, Figure))
+    (plot,) = [block for block in result.evidence if isinstance(block, Plot) and block.id == "deviations"]
+    low = np.array(plot.series[0].x)
+    assert low == pytest.approx(np.linspace(-off.limit_mm, off.limit_mm, len(off.histogram) + 1)[:-1])
+    assert plot.series[0].y == off.histogram
     assert {block.title for block in result.evidence} >= {
         "Against the nominal", "Farthest points", "Section across y",
     }  # fmt: skip

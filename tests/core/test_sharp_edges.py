@@ -33,9 +33,13 @@ def test_places_within_a_voxel_of_a_boxs_edges_are_found_and_no_others() -> None
     assert not found[from_edge > 0.83].any()
 
 
-@pytest.mark.parametrize(("radius_mm", "bent"), [(20.0, False), (5.0, False), (0.4, True)])
-def test_a_rounding_counts_as_an_edge_where_it_is_smaller_than_the_voxels(radius_mm: float, bent: bool) -> None:
-    corners, triangles = cylinder(radius_mm, 90)
+@pytest.mark.parametrize(
+    ("radius_mm", "facets", "bent"), [(20.0, 90, False), (5.0, 90, False), (0.4, 90, True), (1.6, 20, False)]
+)
+def test_a_rounding_counts_as_an_edge_where_it_is_smaller_than_the_voxels(
+    radius_mm: float, facets: int, bent: bool
+) -> None:
+    corners, triangles = cylinder(radius_mm, facets)
     on_it = np.array([[radius_mm, 0.0, z] for z in (-10.0, 0.0, 10.0)])
     assert near_sharp_edges(on_it, corners, triangles, 0.5).all() == bent
 
