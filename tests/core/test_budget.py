@@ -203,6 +203,18 @@ def test_a_plan_says_what_is_reachable_and_what_limits() -> None:
         plan_cell(CellToPlan(scanner=FieldOfView(near_mm=130, far_mm=131, near_width_mm=4)))
 
 
+@pytest.mark.parametrize("wanted_mm", [0.05, 0.5])
+def test_the_sphere_that_is_proposed_needs_the_fewest_captures_or_errs_least(wanted_mm: float) -> None:
+    plan = plan_cell(CellToPlan(scanner=FIELD, wanted_mm=wanted_mm, most_captures=12))
+    counts = [one.captures for one in plan.spheres if one.captures is not None]
+    assert plan.reachable == bool(counts)
+    assert plan.sphere.captures == min(counts, default=None)
+    least_mm = min(one.uncertainty_mm for one in plan.spheres)
+    assert counts or plan.sphere.uncertainty_mm <= 1.02 * least_mm  # so near to each other they are alike
+    alike = [one.diameter_mm for one in plan.spheres if one.captures in counts and one.captures == min(counts)]
+    assert not counts or plan.sphere.diameter_mm == min(alike)
+
+
 @pytest.mark.thorough
 def test_sweeps_have_a_budget_too() -> None:
     made = simulate("tcp-sweep", 1)
