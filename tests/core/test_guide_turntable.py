@@ -226,7 +226,7 @@ def test_a_set_of_poses_begins_with_what_several_scanners_or_balls_told(name: st
     simulated = simulate(name, 4)
     session, truth = simulated.session, simulated.truth
     measured = [measure_capture(session, c, simulated.files.__getitem__) for c in session.captures]
-    balls = [{"name": one["name"], "in": "base"} for one in truth["spheres"]]
+    balls = [{"name": one["name"], "in": "base", "center_mm": one["center_mm"]} for one in truth["spheres"]]
     told = {
         "tool0_from_laser": truth["tool0_from_laser"],
         "sphere_center_in_base_mm": truth["spheres"][0]["center_mm"],
