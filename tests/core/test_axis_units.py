@@ -43,3 +43,13 @@ def test_a_rail_in_inches() -> None:
         MotionError, match=r"'rail' in mm, got readings that fit in inches\. Multiply them by 25\.4"
     ):
         solved_with("rail", "axes_mm", "rail", 1 / 25.4)
+
+
+def test_where_no_capture_on_the_axes_says_how_they_stood_that_is_said() -> None:
+    session, files, _ = simulate_topology(TOPOLOGY_SCENARIOS["positioner"], "positioner", 3)
+    record = session.to_json()
+    for capture in record["captures"]:
+        if capture["step"] == "turntable":
+            del capture["axes_deg"]
+    with pytest.raises(MotionError, match="got 0. p.* are not used: they do not say where the axis tilt stood"):
+        in_memory(parse_session(record), files).run()

@@ -172,6 +172,7 @@ def _solve_table(
 ) -> SolvedTable:
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.table_angles import with_found_angles
+    from calib_core.chain.table_captures import require_captures
     from calib_core.chain.table_start import AnotherPlaceError
     from calib_core.chain.turntable import solve_turntable
     from calib_core.stages.tcp.balls import all_arcs
@@ -192,6 +193,11 @@ def _solve_table(
     def placed(some: Sequence[SphereObservation]) -> list[TableObservation]:
         return [_on_axis(o, by_id[o.capture], carriers) for o in some]
 
+    if not every:
+        try:
+            require_captures([])
+        except MotionError as error:
+            raise observed.explaining(error) from None
     ready = _placed_scanners(every, tool, cell)
     sought = None if ready else _sought(placed(every), sphere, cell, alone=tool is None)
     if sought is not None:
