@@ -185,7 +185,7 @@ def _require_readings(axes: Sequence[CellAxis], captures: Sequence[Capture]) -> 
         if axis.kind == "linear" and 0 < travel < _LEAST_TRAVEL_MM:
             raise InputError(
                 "readings of the linear axis '{name}' in mm",
-                "from {low:g} to {high:g}, which looks like metres",
+                "from {low:g} to {high:g}, which looks like metres or inches",
                 "Give them in mm, or move it by {least:g} mm and more.",
                 "cell.axes",
                 name=axis.name, low=min(read), high=max(read), least=_LEAST_TRAVEL_MM,

@@ -84,21 +84,24 @@ def _require_units(
 
 
 def in_other_units(axes: Sequence[MovedAxis], readings: FloatArray) -> Iterator[tuple[FloatArray, MotionError]]:
-    """Give readings (K, A) with those of one axis in another unit, and what to say where they fit so."""
-    for a, axis in enumerate(axes):
-        for unit, factor in _UNITS[axis.kind].items():
+    """Give readings (K, A) with those of all axes of a kind, or of one, in another unit, and what to say then."""
+    for kind, units in _UNITS.items():
+        own = [a for a, axis in enumerate(axes) if axis.kind == kind]
+        for some, (unit, factor) in product(
+            [*([own] if len(own) > 1 else []), *([a] for a in own)], units.items()
+        ):
             other = readings.copy()
-            other[:, a] *= factor
-            if axis.kind == "rotary" and np.ptp(other[:, a]) > 2 * np.pi:
+            other[:, some] *= factor
+            if kind == "rotary" and np.ptp(other[:, some], axis=0).max() > 2 * np.pi:
                 continue
             yield (
                 other,
                 MotionError(
-                    _IN_MM if axis.kind == "linear" else _IN_DEGREES,
+                    _IN_MM if kind == "linear" else _IN_DEGREES,
                     "readings that fit in {unit}",
                     "Multiply them by {factor:g}.",
                     "cell.axes",
-                    name=axis.name, unit=_NAMES[unit], factor=factor,
+                    name=", ".join(axes[a].name for a in some), unit=_NAMES[unit], factor=factor,
                 ),
             )  # fmt: skip
 

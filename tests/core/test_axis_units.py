@@ -51,5 +51,15 @@ def test_where_no_capture_on_the_axes_says_how_they_stood_that_is_said() -> None
     for capture in record["captures"]:
         if capture["step"] == "turntable":
             del capture["axes_deg"]
-    with pytest.raises(MotionError, match="got 0. p.* are not used: they do not say where the axis tilt stood"):
+    with pytest.raises(MotionError, match=r"got 0\. p.* are not used: they do not say where the axis tilt stood"):
+        in_memory(parse_session(record), files).run()
+
+
+def test_all_axes_of_a_positioner_in_radians() -> None:
+    session, files, _ = simulate_topology(TOPOLOGY_SCENARIOS["positioner"], "positioner", 3)
+    record = session.to_json()
+    for capture in record["captures"]:
+        for name in capture.get("axes_deg", {}):
+            capture["axes_deg"][name] = float(np.deg2rad(capture["axes_deg"][name]))
+    with pytest.raises(MotionError, match="'tilt, turn' in degrees, got readings that fit in radians"):
         in_memory(parse_session(record), files).run()
