@@ -19,7 +19,8 @@ from calib_core.records import Session
 from calib_core.robots import parse_pose
 from calib_core.simulation.motion import turn
 from calib_core.stages.pipeline import solve_stage
-from tests.trouble.table_cell import TablePlan, TableTrouble, TroubledTable, troubled_table
+from tests.trouble import TableTrouble, Troubled, troubled
+from tests.trouble.table_cell import TablePlan
 
 _WAVES = 200  # of a random field: enough that it is Gaussian
 _HALF_WIDTH_MM = 38.0  # how far from its middle these cells' scanner sees the sphere
@@ -60,7 +61,7 @@ class ArmField:
 class Believed:
     """One such cell: its session, files and tool, the plan it was made by, and its arm's errors."""
 
-    made: TroubledTable
+    made: Troubled
     plan: TablePlan
     field: ArmField
 
@@ -98,7 +99,7 @@ def believed(seed: int) -> Believed:
         plan.radius_mm += _DIAMETER_SIGMA_MM * radius
         plans.append(plan)
 
-    return Believed(troubled_table(TableTrouble("as believed", change), seed, told=True), plans[0], field)
+    return Believed(troubled(TableTrouble("as believed", change), seed, told=True), plans[0], field)
 
 
 def measured(seed: int, points: int) -> tuple[FloatArray, FloatArray, FloatArray]:

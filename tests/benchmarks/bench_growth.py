@@ -14,8 +14,9 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.tcp import solve_tcp
 from calib_core.frames import FloatArray
 from calib_core.stages.pipeline import solve_stage
-from tests.trouble.cell import Plan, Trouble, troubled
-from tests.trouble.table_cell import TablePlan, TableTrouble, troubled_table
+from tests.trouble import TableTrouble, Trouble, troubled
+from tests.trouble.cell import Plan
+from tests.trouble.table_cell import TablePlan
 
 TABLE_STAGES = ("turntable", "chain")
 
@@ -74,7 +75,7 @@ def timed_table(profiles: int) -> tuple[float, ...]:
         each = profiles // len(plan.heights_mm)
         plan.angles_deg = tuple(float(angle) for angle in rng.permutation(360.0 * np.arange(each) / each))
 
-    cell = troubled_table(TableTrouble("many", change), 1)
+    cell = troubled(TableTrouble("many", change), 1)
     session, read = cell.session, cell.files.__getitem__
     times = [time.process_time()]
     for capture in session.captures:

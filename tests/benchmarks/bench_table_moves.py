@@ -13,7 +13,7 @@ from calib_core.graph.stage_input import Kept
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import all_table_troubles, troubled_table
+from tests.trouble import all_table_troubles, troubled
 
 End = tuple[str, list[str], float]
 CODES = ("table-pushed", "table-creeps", "sphere-reseated", "sphere-remounted", "clamp-gives")
@@ -90,7 +90,7 @@ def steps(tables: Iterable[tuple[str, int]]) -> dict[str, Callable[[], dict[str,
 
 def ended(name: str, seed: int) -> dict[str, End]:
     """Return each stage's verdict on one table, its codes, and its worst error over half the stated 95 %."""
-    cell = troubled_table(all_table_troubles()[name], seed)
+    cell = troubled(all_table_troubles()[name], seed)
     kept, ends = Kept(), dict[str, End]()
     for stage in STAGES:
         result = solve_stage(cell.session, stage, cell.files.__getitem__, kept=kept)

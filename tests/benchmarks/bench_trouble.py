@@ -12,13 +12,17 @@ from harness import Row
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.tcp.record import TcpResult, ToolResult
 from tests.trouble import Trouble, Troubled, all_troubles, troubled
 from tests.trouble.cell import NAMES, Scanners
 
 _CHI2_3_95 = 7.81
-OTHERS: dict[Scanners, str] = {"fixed": ", a scanner that stands still", "two": ", two scanners"}
-_SUMS = 4
+OTHERS: dict[Scanners, str] = {
+    "fixed": ", a scanner that stands still",
+    "two": ", two scanners",
+    "both": ", a scanner on the flange and one that stands still",
+}
+SUMS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,7 @@ def outcome(trouble: Trouble, seed: int, told: bool = False, scanners: Scanners 
     return Outcome(result.verdict, errors_over_stated(result, cell), result.warnings)
 
 
-def errors_over_stated(result: TcpResult, cell: Troubled) -> FloatArray:
+def errors_over_stated(result: ToolResult, cell: Troubled) -> FloatArray:
     """Return the errors of rx … tz, and of a point at the workpiece, over half the width of their 95 % (7,).
 
     Of two scanners, those of the second are among them (13,).
@@ -80,7 +84,7 @@ def run(full: bool) -> list[Row]:
     """
     plain = rows_of(all_troubles(), range(40 if full else 3))
     told = rows_of(all_troubles(), range(20 if full else 1), told=True)
-    others = [row for one in OTHERS for row in rows_of(all_troubles(), range(1 + full), scanners=one)[-_SUMS:]]
+    others = [row for one in OTHERS for row in rows_of(all_troubles(), range(1 + full), scanners=one)[-SUMS:]]
     return [*plain, *told, *others]
 
 

@@ -17,7 +17,7 @@ from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.recheck.record import RecheckResult
 from calib_core.stages.turntable.record import TurntableResult
 from calib_core.stages.verify.record import VerifyResult
-from tests.trouble import TableTrouble, Trouble, Troubled, all_troubles, troubled, troubled_table
+from tests.trouble import TableTrouble, Trouble, Troubled, all_troubles, troubled
 from tests.trouble.cell import Plan
 from tests.trouble.table_cell import TablePlan
 
@@ -103,9 +103,10 @@ def test_a_table_is_solved_with_it() -> None:
         plan.tilts, plan.lateral_mm = 56, 40.0
         plan.sheet = lambda x: 0.4 * (x / 40.0) ** 2
 
-    cell = troubled_table(TableTrouble("bent", change), 0)
+    cell = troubled(TableTrouble("bent", change), 0)
     result = solve_stage(cell.session, "turntable", cell.files.__getitem__)
     assert isinstance(result, TurntableResult)
+    assert cell.base_from_turntable is not None
     axis, off = np.array(result.base_from_turntable)[:3, 2:].T, cell.base_from_turntable[:3, 2:].T
     shift = np.cross(axis[1] - off[1], off[0])
     assert np.linalg.norm(shift) < 0.04  # 0.24 mm and 0.02° while only the tool had it

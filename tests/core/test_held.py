@@ -9,7 +9,8 @@ from calib_core.chain import held as module
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.rejection import Judged
 from calib_core.stages.pipeline import solve_stage
-from tests.trouble.table_cell import TablePlan, TableTrouble, troubled_table
+from tests.trouble import TableTrouble, troubled
+from tests.trouble.table_cell import TablePlan
 
 
 def held_chain(monkeypatch: pytest.MonkeyPatch, seed: int, depth_scale: float) -> tuple[Held, dict[str, Any]]:
@@ -18,7 +19,7 @@ def held_chain(monkeypatch: pytest.MonkeyPatch, seed: int, depth_scale: float) -
     def change(plan: TablePlan, _: np.random.Generator) -> None:
         plan.scanner = lambda p, _: p - np.column_stack([0 * p[:, 0], depth_scale * p[:, 1]])
 
-    made = troubled_table(TableTrouble("depths", change), seed, told=True)
+    made = troubled(TableTrouble("depths", change), seed, told=True)
     kept: list[Held] = []
 
     def keep(judged: Judged, apply: bool) -> Held:

@@ -7,7 +7,7 @@ from calib_core.frames import RigidTransform
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import TableTrouble, all_table_troubles, troubled_table
+from tests.trouble import TableTrouble, all_table_troubles, troubled
 from tests.trouble.table_cell import TablePlan
 
 MOVES = {"table-pushed", "table-creeps", "sphere-reseated", "clamp-gives"}
@@ -16,7 +16,7 @@ MOVES = {"table-pushed", "table-creeps", "sphere-reseated", "clamp-gives"}
 @pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("when", ["between the mountings", "within a mounting"])
 def test_a_table_that_was_pushed_is_said(when: str) -> None:
-    cell = troubled_table(all_table_troubles()[f"pushed by 1 mm {when}"], 0)
+    cell = troubled(all_table_troubles()[f"pushed by 1 mm {when}"], 0)
     result = solve_stage(cell.session, "chain", cell.files.__getitem__)
     assert result.verdict == "warn"  # pushes passed up to 3.6 times off
     assert [f.code for f in result.findings if f.code in MOVES] == ["table-pushed"]
@@ -26,7 +26,7 @@ def test_a_table_that_was_pushed_is_said(when: str) -> None:
 @pytest.mark.parametrize("seed", [12, 1])
 def test_the_few_captures_before_or_after_a_push_are_heard(seed: int) -> None:
     """Three and four captures were left out as of a sphere that was remounted, and the ± was of the others."""
-    cell = troubled_table(all_table_troubles()["pushed by 1 mm within a mounting"], seed)
+    cell = troubled(all_table_troubles()["pushed by 1 mm within a mounting"], seed)
     result = solve_stage(cell.session, "turntable", cell.files.__getitem__)
     assert isinstance(result, TurntableResult)
     codes = {f.code for f in result.findings}
@@ -41,7 +41,7 @@ def test_the_few_captures_before_or_after_a_push_are_heard(seed: int) -> None:
 
 @pytest.mark.thorough
 def test_a_sphere_that_slips_far_is_left_out_as_before() -> None:
-    cell = troubled_table(all_table_troubles()["sphere slips by 3 mm"], 0)
+    cell = troubled(all_table_troubles()["sphere slips by 3 mm"], 0)
     result = solve_stage(cell.session, "turntable", cell.files.__getitem__)
     assert "sphere-remounted" in {f.code for f in result.findings}
     assert "table-pushed" not in {f.code for f in result.findings}
@@ -62,7 +62,7 @@ def test_a_way_that_is_an_oval_is_no_push(of: str, said: list[str]) -> None:
         plan.heights_mm, plan.angles_deg = (0.0,), TURNS_DEG
         plan.table_at = lambda k, mount, count: 0.6 * at(k, mount, count)
 
-    cell = troubled_table(TableTrouble(of, change), 0)
+    cell = troubled(TableTrouble(of, change), 0)
     result = solve_stage(cell.session, "turntable", cell.files.__getitem__)
     assert [f.code for f in result.findings if f.code in MOVES] == said
 

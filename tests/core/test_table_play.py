@@ -10,7 +10,7 @@ from calib_core.findings.codes.turntable import PLAY_NOT_CHECKED
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import TableTrouble, troubled_table
+from tests.trouble import TableTrouble, troubled
 
 ANGLES_DEG = (0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 0.0)
 
@@ -25,7 +25,7 @@ def solved(play_deg: float) -> TurntableResult:
             angle + (np.deg2rad(play_deg) if next(stops) % len(ANGLES_DEG) == 0 else 0.0)
         )
 
-    cell = troubled_table(TableTrouble("play", change), 1)
+    cell = troubled(TableTrouble("play", change), 1)
     result = solve_stage(cell.session, "turntable", cell.files.__getitem__)
     assert isinstance(result, TurntableResult)
     return result

@@ -6,7 +6,7 @@ from bench_table_trouble import errors_over_stated, outcome
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import all_table_troubles, troubled_table
+from tests.trouble import all_table_troubles, troubled
 
 TROUBLES = all_table_troubles()
 
@@ -49,7 +49,7 @@ def test_an_arm_that_errs_by_joints_gears_and_sag_is_covered() -> None:
 
 @pytest.mark.thorough
 def test_a_right_arm_that_is_less_true_than_it_repeats_passes_with_a_note() -> None:
-    cell = troubled_table(TROUBLES["joints 0.01°, links 0.05 mm"], 0, told=True)
+    cell = troubled(TROUBLES["joints 0.01°, links 0.05 mm"], 0, told=True)
     result = solve_stage(cell.session, "chain", cell.files.__getitem__)
     assert result.verdict == "pass", result.warnings  # 0.05 mm where 0.03 mm were told, which the answer holds
     assert any(note.startswith("The captures agree to 0.05 mm where the robot's") for note in result.notes)
@@ -58,7 +58,7 @@ def test_a_right_arm_that_is_less_true_than_it_repeats_passes_with_a_note() -> N
 @pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(("stage", "seed"), [("turntable", 7), ("chain", 13)])
 def test_a_tool_that_moved_by_less_than_is_beyond_chance_is_in_the_uncertainty(stage: str, seed: int) -> None:
-    cell = troubled_table(TROUBLES["tool moves by 0.3 mm before the table"], seed)
+    cell = troubled(TROUBLES["tool moves by 0.3 mm before the table"], seed)
     result = solve_stage(cell.session, stage, cell.files.__getitem__)
     assert isinstance(result, TurntableResult | ChainResult)
     # 2.3 and 3.2 while the table's captures were held to see the tool where the still sphere's do.
@@ -70,7 +70,7 @@ def test_a_tool_that_moved_by_less_than_is_beyond_chance_is_in_the_uncertainty(s
 def test_a_wobble_about_a_bearing_below_the_spheres_is_no_sphere_that_moved_and_in_the_uncertainty(
     seed: int,
 ) -> None:
-    cell = troubled_table(TROUBLES["wobbles by 1 mrad twice a turn"], seed)
+    cell = troubled(TROUBLES["wobbles by 1 mrad twice a turn"], seed)
     for stage in ("turntable", "chain"):
         result = solve_stage(cell.session, stage, cell.files.__getitem__)
         assert isinstance(result, TurntableResult | ChainResult)

@@ -10,7 +10,7 @@ from calib_core.records import Session, parse_session
 from calib_core.review.check import check_session
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.stages.pipeline import solve_stage
-from tests.trouble import all_table_troubles, all_troubles, troubled, troubled_table
+from tests.trouble import all_table_troubles, all_troubles, troubled
 
 Case = Callable[[], Iterable[Finding]]
 
@@ -80,7 +80,7 @@ def table_of(trouble: str, stage: str = "turntable", seed: int = 0) -> Case:
 
     @cache
     def case() -> Iterable[Finding]:
-        cell = troubled_table(all_table_troubles()[trouble], seed)
+        cell = troubled(all_table_troubles()[trouble], seed)
         return solve_stage(cell.session, stage, cell.files.__getitem__).findings
 
     return case

@@ -1,24 +1,23 @@
 """Simulated sessions with what goes wrong in real cells, none of which the solvers' model was made from.
 
 Every family of trouble is one module with a constant `TROUBLES`, turntables' are `tables.py`; the forward model
-(`cell.py`, `arm.py`, `table_cell.py`) shares no code with the solvers.
+(`session.py`, `cell.py`, `arm.py`, `table_cell.py`) shares no code with the solvers.
 """
 
 from importlib import import_module
 from pkgutil import iter_modules
 
-from tests.trouble.cell import Trouble, Troubled, troubled
-from tests.trouble.table_cell import TableTrouble, TroubledTable, troubled_table
+from tests.trouble.cell import Trouble
+from tests.trouble.session import Troubled, troubled
+from tests.trouble.table_cell import TableTrouble
 
 __all__ = [
     "TableTrouble",
     "Trouble",
     "Troubled",
-    "TroubledTable",
     "all_table_troubles",
     "all_troubles",
     "troubled",
-    "troubled_table",
 ]
 
 

@@ -1,12 +1,11 @@
-"""One session of a troubled cell: plan, arm, sphere, scanner and bookkeeping, each of which may be changed."""
+"""A troubled cell: plan, arm, sphere, scanners and bookkeeping, each of which may be changed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
-from calib_core.records import Session
 from calib_core.simulation.motion import FloatArray, back, pose, turn
 from calib_core.simulation.profile_cell import pose_numbers
 from tests.trouble.arm import ArmErrors, flange, joints_for
@@ -14,8 +13,8 @@ from tests.trouble.arm import ArmErrors, flange, joints_for
 NOMINAL = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
 """How the flange stands in base where it is not tilted (3, 3)."""
 
-Scanners = Literal["one", "fixed", "two"]
-"""One on the flange, one that stands still before a ball on the flange, or two on the flange that take turns."""
+Scanners = Literal["one", "fixed", "two", "both"]
+"""One on the flange, one that stands still before a ball on the flange; two on the flange, or one of each, in turn."""
 
 NAMES = ("left", "right")
 _HELD_MM = np.array([25.0, -40.0, 130.0])
@@ -101,83 +100,43 @@ class Trouble:
     """
 
     name: str
-    change: Callable[[Plan, np.random.Generator], None]
+    change: Callable[[Any, np.random.Generator], None]
     clean: bool = False
     hidden: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Troubled:
-    """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors.
+class Mounted:
+    """A scanner: its name if any, what carries it, where it is there (4, 4), and the ball that it sees (3,).
 
-    A scanner that stands still has for a tool its pose in base, as the arm tells base there; `other` is that of a
-    second scanner.
-
-    `laser_from_files` (4, 4) is the frame in which the files count; `sphere_in_base_mm` (3,) is the sphere;
-    `too_long` is the share by which the arm tells its lengths too long; `mounting` says how the scanner sits
-    otherwise in a capture (4, 4).
+    That ball stands in base before a scanner on the flange; it is on the flange before one that stands in base.
     """
 
-    session: Session
-    files: dict[str, bytes]
-    tool0_from_laser: FloatArray
-    seen_in_laser_mm: FloatArray
-    scanner: Callable[[FloatArray], FloatArray]
-    laser_from_files: FloatArray
-    sphere_in_base_mm: FloatArray
-    too_long: float = 0.0
-    other: FloatArray | None = None
-    mounting: Callable[[int], FloatArray] = lambda k: np.eye(4)
+    name: str | None
+    on: Literal["tool0", "base"]
+    carrier_from_laser: FloatArray
+    ball: FloatArray
 
 
-TOLD: dict[str, Any] = {
-    "robot": {"position_sigma_mm": 0.03, "orientation_sigma_deg": 0.0057},
-    "scanner": {"kind": "profile", "point_sigma_mm": 0.02},
-}
-"""What the makers of robot and scanner state: true of a clean cell, and all the same told where it is not."""
+def mounted(
+    scanners: Scanners, tool: FloatArray, ball: FloatArray, rng: np.random.Generator, stand: FloatArray | None
+) -> list[Mounted]:
+    """Return a cell's scanners by where one is on the flange, and the ball (3,) in base that it sees.
 
-
-def troubled(trouble: Trouble, seed: int, told: bool = False, scanners: Scanners = "one") -> Troubled:
-    """Return a session of a cell that has a trouble, all drawn from a seed; `told`: with the makers' sigmas."""
-    rng = np.random.default_rng([seed, 907])
-    plan = Plan()
-    trouble.change(plan, rng)
-    mounts, sphere = [drawn_tool(rng)], np.array([1000.0, 150.0, 350.0]) + rng.uniform(-60, 60, 3)
-    if scanners == "fixed":
-        above = sphere - NOMINAL @ (mounts[0][:3, :3] @ [0.0, 0.0, _BEFORE_MM] + mounts[0][:3, 3])
-        mounts, sphere = [pose(NOMINAL, above) @ mounts[0]], _HELD_MM + rng.uniform(-5, 5, 3)
-    elif scanners == "two":
-        mounts.append(mounts[0] @ pose(turn([0.0, 0.5, 0.0]), np.array([-90.0, 12.0, 20.0])))
-        plan.shifts, plan.tilts, plan.alike = 2 * plan.shifts, 2 * plan.tilts, 2 * plan.alike
-    poses, profiles, seen, told_from_base = _captures(plan, mounts, sphere, scanners == "fixed", rng)
-    plan.book(poses, profiles, rng)
-    files = {f"captures/p{k:03d}.csv": profile_csv(profile) for k, profile in enumerate(profiles)}
-    captures: list[dict[str, Any]] = [
-        {"id": f"p{k:03d}", "step": "tcp", "kind": "profile", "files": [name], "pose": numbers}
-        for k, (name, numbers) in enumerate(zip(files, poses, strict=True))
-    ]
-    cell = cell_record(plan) | (TOLD if told else {})
-    cell |= {"arrangement": "sphere-on-robot"} if scanners == "fixed" else {}
+    One that stands still does so where `stand` (4, 4) says, or above the ball's place.
+    """
+    left, right = NAMES
+    if scanners == "one":
+        return [Mounted(None, "tool0", tool, ball)]
     if scanners == "two":
-        cell["scanners"] = dict.fromkeys(NAMES, cell.pop("scanner"))
-        captures = [{**capture, "scanner": NAMES[k % 2]} for k, capture in enumerate(captures)]
-    session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
-    other = mounts[1] if scanners == "two" else None
-    first = told_from_base @ mounts[0] if scanners == "fixed" else mounts[0]
-    told = plan.too_long, other, plan.mounting
-    return Troubled(session, files, first, seen, seen_by(plan), plan.laser_from_files, sphere, *told)
-
-
-def cell_record(plan: Plan) -> dict[str, Any]:
-    """Return what is told of a cell."""
-    cell: dict[str, Any] = {
-        "pose_convention": "abb",
-        "sphere_diameter_mm": plan.told_diameter_mm or 2 * plan.radius_mm,
-        "scanner": {"kind": "profile"},
-    }
-    if plan.told_diameter_sigma_mm is not None:
-        cell["sphere_diameter_sigma_mm"] = plan.told_diameter_sigma_mm
-    return cell | plan.told
+        beside = tool @ pose(turn([0.0, 0.5, 0.0]), [-90.0, 12.0, 20.0])
+        return [Mounted(left, "tool0", tool, ball), Mounted(right, "tool0", beside, ball)]
+    if stand is None:
+        stand = pose(NOMINAL, ball - NOMINAL @ (tool[:3, :3] @ [0.0, 0.0, _BEFORE_MM] + tool[:3, 3])) @ tool
+    held = _HELD_MM + rng.uniform(-5, 5, 3)
+    if scanners == "fixed":
+        return [Mounted(None, "base", stand, held)]
+    return [Mounted(left, "tool0", tool, ball), Mounted(right, "base", stand, held)]
 
 
 def seen_by(plan: Plan) -> Callable[[FloatArray], FloatArray]:
@@ -191,38 +150,22 @@ def drawn_tool(rng: np.random.Generator) -> FloatArray:
     return pose(mounting, np.array([35.0, -120.0, 140.0]) + rng.uniform(-5, 5, 3))
 
 
-def _captures(
-    plan: Plan, mounts: Sequence[FloatArray], center: FloatArray, fixed: bool, rng: np.random.Generator
-) -> tuple[list[list[float]], list[FloatArray], FloatArray, FloatArray]:
+def of_still_balls(
+    arm: "Arm", scanners: list[Mounted], tilts: Iterable[FloatArray], rng: np.random.Generator
+) -> list["Taken"]:
+    """Return captures of balls that stand still, or are on the flange: one a tilt (3,), the scanners in turn."""
+    plan = arm.plan
     count = plan.shifts + plan.tilts
-    tilts = [np.zeros(3)] * plan.shifts + [
-        rng.uniform(-plan.tilt_rad, plan.tilt_rad, 3) for _ in range(plan.tilts)
-    ]
-    poses: list[list[float]] = []
-    profiles: list[FloatArray] = []
-    seen: list[FloatArray] = []
-    told: list[FloatArray] = []
-    arm = Arm(plan)
     first = drawn_place(plan, rng) if plan.alike else np.zeros(3)
+    found: list[Taken] = []
     for k, tilt in enumerate(tilts):
         place, rotation = drawn_place(plan, rng), NOMINAL @ turn(tilt)
         if k < plan.alike:
             place, rotation = first + rng.standard_normal(3), NOMINAL @ turn(0.002 * rng.standard_normal(3))
-        mount, centers = mounts[k % len(mounts)], (center, center + plan.sphere_at(k, count))
-        taken = take(arm, mount, rotation, place, centers, k, rng, fixed)
-        poses.append(taken.pose)
-        profiles.append(taken.profile)
-        seen.append(taken.center_in_laser_mm)
-        told.append(taken.told_from_base)
-    middle = mounts[0][:3, :3] @ np.mean(seen, axis=0) + mounts[0][:3, 3] if fixed else center
-    return poses, profiles, np.mean(seen[:: len(mounts)], axis=0), _mean(told, middle)
-
-
-def _mean(frames: Sequence[FloatArray], point: FloatArray) -> FloatArray:
-    """Return the mean of frames (4, 4) that are nearly alike, as it moves a point (3,)."""
-    u, _, vt = np.linalg.svd(np.mean([frame[:3, :3] for frame in frames], axis=0))
-    moved = np.mean([frame[:3, :3] @ point + frame[:3, 3] for frame in frames], axis=0)
-    return pose(u @ vt, moved - u @ vt @ point)
+        scanner = scanners[k % len(scanners)]
+        centers = scanner.ball, scanner.ball + plan.sphere_at(k, count)
+        found.append(take(arm, scanner, rotation, place, centers, k, rng))
+    return found
 
 
 @dataclass(eq=False)
@@ -271,28 +214,33 @@ def drawn_place(plan: Plan, rng: np.random.Generator) -> FloatArray:
 
 def take(
     arm: Arm,
-    tool: FloatArray,
+    scanner: Mounted,
     rotation: FloatArray,
     place: FloatArray,
     centers: tuple[FloatArray, FloatArray],
     k: int,
     rng: np.random.Generator,
-    fixed: bool = False,
 ) -> Taken:
-    """Return a capture by a flange turned so (3, 3); `centers`: where the sphere is thought to be, and is.
-
-    `fixed`: the scanner stands still, and the sphere is on the flange.
-    """
-    plan, (thought, there) = arm.plan, centers
+    """Return a capture by a flange turned so (3, 3); `centers`: where the ball is thought to be, and is."""
+    plan, tool, (thought, there) = arm.plan, scanner.carrier_from_laser, centers
     aimed = tool[:3, :3] @ place + tool[:3, 3]
-    commanded = pose(rotation, aimed - rotation @ thought if fixed else thought - rotation @ aimed)
+    still = scanner.on == "base"
+    commanded = pose(rotation, aimed - rotation @ thought if still else thought - rotation @ aimed)
     led = arm.led_to(commanded, k, rng)
     own = turn(rng.standard_normal(3) * plan.orientation_rad)
     reached = pose(led[:3, :3] @ own, led[:3, 3] + rng.standard_normal(3) * plan.position_mm)
-    scanner, ball = (np.eye(4), reached) if fixed else (reached, np.eye(4))
-    laser_from_ball = back(scanner @ tool @ plan.mounting(k)) @ ball
-    in_laser = laser_from_ball[:3, :3] @ there + laser_from_ball[:3, 3]
-    return Taken(pose_numbers(commanded), _profile(plan, in_laser, rng), in_laser, commanded @ back(led))
+    ball = reached[:3, :3] @ there + reached[:3, 3] if still else there
+    profile, in_laser = looks(plan, tool if still else reached @ tool, ball, k, rng)
+    return Taken(pose_numbers(commanded), profile, in_laser, commanded @ back(led))
+
+
+def looks(
+    plan: Plan, base_from_laser: FloatArray, ball: FloatArray, k: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the profile (N, 2) of a ball at its place in base (3,), and that place in the scanner's frame."""
+    laser_from_base = back(base_from_laser @ plan.mounting(k))
+    in_laser = laser_from_base[:3, :3] @ ball + laser_from_base[:3, 3]
+    return _profile(plan, in_laser, rng), in_laser
 
 
 def _profile(plan: Plan, center: FloatArray, rng: np.random.Generator) -> FloatArray:

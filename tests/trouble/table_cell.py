@@ -1,30 +1,20 @@
-"""One session of a troubled turntable: the sphere beside it as in `cell`, then on it, at angles and mountings."""
+"""A troubled turntable: the sphere on it, at angles and mountings."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from calib_core.records import Session
 from calib_core.simulation.motion import FloatArray, pose, turn
-from tests.trouble.cell import (
-    NOMINAL,
-    TOLD,
-    Arm,
-    Plan,
-    cell_record,
-    drawn_place,
-    drawn_tool,
-    profile_csv,
-    seen_by,
-    take,
-)
+from tests.trouble.cell import NOMINAL, Arm, Mounted, Plan, Trouble, drawn_place, looks, take
 
 Rng = np.random.Generator
 MOUNTS = ("low", "high")
 _EIGHT_DEG = tuple(45.0 * k for k in range(8))
-_TOLD_ANGLE_DEG = 0.003
+_LOW_MM = (0.0, 24.0)
+"""Heights at which a sphere of 40 mm meets light that lies flat, all around."""
+_BEFORE_MM = 190.0
 
 
 @dataclass(eq=False)
@@ -75,71 +65,46 @@ class TablePlan(Plan):
 
 
 @dataclass(frozen=True)
-class TableTrouble:
-    """One class of trouble of a cell with a turntable; `clean` as of `Trouble`."""
-
-    name: str
-    change: Callable[[TablePlan, Rng], None]
-    clean: bool = False
+class TableTrouble(Trouble):
+    """One class of trouble of a cell with a turntable: what it changes is a `TablePlan`."""
 
 
 @dataclass(frozen=True, eq=False)
-class TroubledTable:
-    """A session with its files and truth.
+class OnTable:
+    """Captures of spheres on a table.
 
     Attributes
     ----------
-    tool0_from_laser, base_from_turntable : (4, 4)
-        The table's z is its mean axis, pointing up, the origin the centre of the first mounting's circle, x across
-        z in the plane of z and base's x; in base as the arm tells it about the table, which is what scans are put
-        together by.
-    scanner : callable
-        As of `Troubled`.
-    true_base_from_turntable : (4, 4)
-        Where the table stands in truth, whatever the arm tells; x by the same rule in the true base.
+    scanners : list of Mounted
+        Those that took them, in turn.
+    told : list of dict
+        What is recorded of each: table_deg, mount, and the pose where the robot carries the scanner.
+    profiles : list of (N, 2)
+    told_from_base : (4, 4)
+        Base as the arm tells it there.
     """
 
-    session: Session
-    files: dict[str, bytes]
-    tool0_from_laser: FloatArray
-    base_from_turntable: FloatArray
-    scanner: Callable[[FloatArray], FloatArray]
-    true_base_from_turntable: FloatArray
+    scanners: list[Mounted]
+    told: list[dict[str, Any]]
+    profiles: list[FloatArray]
+    told_from_base: FloatArray
 
 
-def troubled_table(trouble: TableTrouble, seed: int, told: bool = False) -> TroubledTable:
-    """Return a session of a cell with a troubled table, all drawn from a seed; `told`: with the makers' sigmas."""
-    rng = np.random.default_rng([seed, 911])
-    plan = TablePlan()
-    trouble.change(plan, rng)
-    tool, table = drawn_tool(rng), _drawn_table(rng)
-    center = np.array([1000.0, 150.0, 350.0]) + rng.uniform(-60, 60, 3)
-    arm, files, captures = Arm(plan), {}, []
-    for k in range(plan.shifts + plan.tilts):
-        tilt = np.zeros(3) if k < plan.shifts else rng.uniform(-plan.tilt_rad, plan.tilt_rad, 3)
-        taken = take(arm, tool, NOMINAL @ turn(tilt), drawn_place(plan, rng), (center, center), k, rng)
-        name = f"captures/p{k:03d}.csv"
-        files[name] = profile_csv(taken.profile)
-        captures.append({"id": f"p{k:03d}", "step": "tcp", "kind": "profile", "files": [name], "pose": taken.pose})
-    plan.radius_mm, radius_mm = plan.table_radius_mm or plan.radius_mm, plan.radius_mm
-    on_table, told_from_base = _on_table(plan, arm, tool, table, files, rng)
-    captures += on_table
-    plan.radius_mm = radius_mm
-    cell = cell_record(plan) | (TOLD if told else {})
-    turntable = plan.told_table | ({"angle_sigma_deg": _TOLD_ANGLE_DEG} if told else {})
-    record = {"name": trouble.name, "cell": {**cell, "turntable": turntable}, "captures": captures}
-    return TroubledTable(
-        Session.model_validate(record), files, tool, _by_the_rule(told_from_base @ table), seen_by(plan), table
-    )
-
-
-def _drawn_table(rng: Rng) -> FloatArray:
-    """Return base_from_turntable (4, 4) by the rule of `TroubledTable`."""
+def drawn_table(rng: Rng) -> FloatArray:
+    """Return base_from_turntable (4, 4), its x by the rule."""
     leaning = turn([*rng.uniform(-0.03, 0.03, 2), 0.0])
-    return _by_the_rule(pose(leaning, np.array([1000.0, -250.0, 440.0]) + rng.uniform(-60, 60, 3)))
+    return by_the_rule(pose(leaning, np.array([1000.0, -250.0, 440.0]) + rng.uniform(-60, 60, 3)))
 
 
-def _by_the_rule(table: FloatArray) -> FloatArray:
+def before(table: FloatArray) -> FloatArray:
+    """Return where a scanner (4, 4) stands so that its light, nearly level, meets what turns on a table."""
+    level = turn([0.0, 0.0, 0.5]) @ turn([0.0, -np.pi / 2, 0.0]) @ turn([0.0, 0.0, np.pi / 2])
+    rotation = level @ turn([0.02, -0.01, 0.015])
+    light = np.array([0.0, 0.0, max(_LOW_MM) / 2])
+    return table @ pose(rotation, light - _BEFORE_MM * rotation[:, 2])
+
+
+def by_the_rule(table: FloatArray) -> FloatArray:
     """Return a frame (4, 4) turned about its z so that x lies in the plane of z and base's x."""
     z = table[:3, 2]
     x = np.array([1.0, 0.0, 0.0]) - z[0] * z
@@ -148,43 +113,47 @@ def _by_the_rule(table: FloatArray) -> FloatArray:
     return pose(rotation, table[:3, 3])
 
 
-def _on_table(
-    plan: TablePlan, arm: Arm, tool: FloatArray, table: FloatArray, files: dict[str, bytes], rng: Rng
-) -> tuple[list[dict[str, Any]], FloatArray]:
-    """Return the captures on the table, and base (4, 4) as the arm tells it there; add their files."""
+def on_table(plan: TablePlan, arm: Arm, scanners: list[Mounted], table: FloatArray, rng: Rng) -> OnTable:
+    """Return the captures on the table, the scanners in turn; one that stands still has the heights in its light."""
+    plan = replace(plan, radius_mm=plan.table_radius_mm or plan.radius_mm)
+    arm = replace(arm, plan=plan)
     azimuths = rng.uniform(-np.pi, np.pi, len(plan.heights_mm))
-    angles_deg = [angle for _ in plan.heights_mm for angle in plan.angles_deg]
     mounts = [m for m in range(len(plan.heights_mm)) for _ in plan.angles_deg]
+    angles_deg = [angle for _ in plan.heights_mm for angle in plan.angles_deg]
     first = plan.shifts + plan.tilts
-    captures: list[dict[str, Any]] = []
+    found = OnTable(scanners, [], [], np.eye(4))
     true: list[FloatArray] = []
     told: list[FloatArray] = []
     for k, (angle_deg, mount) in enumerate(zip(angles_deg, mounts, strict=True)):
-        stands = np.array(
-            [plan.arm_mm * np.cos(azimuths[mount]), plan.arm_mm * np.sin(azimuths[mount]), plan.heights_mm[mount]]
-        )
+        scanner = scanners[k % len(scanners)]
+        height = min(plan.heights_mm[mount], max(_LOW_MM)) if scanner.on == "base" else plan.heights_mm[mount]
+        stands = np.array([plan.arm_mm * np.cos(azimuths[mount]), plan.arm_mm * np.sin(azimuths[mount]), height])
         sent = float(np.deg2rad(angle_deg))
         turned = plan.encoder(sent, rng) + plan.encoder_rad * float(rng.standard_normal())
         thought = table[:3, :3] @ (turn([0.0, 0.0, sent]) @ stands) + table[:3, 3]
         inside = turn(plan.wobble(turned)) @ turn([0.0, 0.0, turned]) @ (stands + plan.slip(k, mount))
         there = table[:3, :3] @ (inside + plan.play_mm * rng.standard_normal(3)) + table[:3, 3]
         there = there + plan.table_at(k, mount, len(mounts))
+        if scanner.on == "base":
+            profile, in_laser = looks(plan, scanner.carrier_from_laser, there, first + k, rng)
+            found.profiles.append(profile)
+            # Else the table, mirrored at the plane of light, would do as well.
+            found.told.append({} if k else {"side": int(np.sign(in_laser[1]))})
+            continue
         rotation = NOMINAL @ turn(rng.uniform(-plan.reach_rad, plan.reach_rad, 3))
-        taken = take(arm, tool, rotation, drawn_place(plan, rng), (thought, there), first + k, rng)
-        name = f"captures/t{k:03d}.csv"
-        files[name] = profile_csv(taken.profile)
-        captures.append({"id": f"t{k:03d}", "step": "turntable", "kind": "profile", "files": [name]})
-        captures[-1]["pose"] = taken.pose
+        taken = take(arm, scanner, rotation, drawn_place(plan, rng), (thought, there), first + k, rng)
+        found.profiles.append(taken.profile)
+        found.told.append({"pose": taken.pose})
         true.append(there)
         told.append(taken.told_from_base[:3, :3] @ there + taken.told_from_base[:3, 3])
     labels = [MOUNTS[m] for m in mounts]
     plan.read(angles_deg, labels, rng)
-    for capture, angle_deg, label in zip(captures, angles_deg, labels, strict=True):
-        capture |= {"table_deg": angle_deg, "mount": label}
-    return captures, _rigid(np.array(true), np.array(told))
+    for one, angle_deg, label in zip(found.told, angles_deg, labels, strict=True):
+        one |= {"table_deg": angle_deg, "mount": label}
+    return replace(found, told_from_base=rigid(np.array(true), np.array(told))) if true else found
 
 
-def _rigid(true: FloatArray, told: FloatArray) -> FloatArray:
+def rigid(true: FloatArray, told: FloatArray) -> FloatArray:
     """Return the move (4, 4) that brings places (N, 3) nearest to others (Kabsch)."""
     middles = true.mean(axis=0), told.mean(axis=0)
     u, _, vt = np.linalg.svd((told - middles[1]).T @ (true - middles[0]))
