@@ -25,7 +25,8 @@ class Sigmas:
 
     `axes` are in rad or mm, as the cell lists them.  `alike` are those of the part that captures share where their
     poses are alike; `reach` is a factor on the distances over which they are.  `freedom` says how well a pose's
-    whole scatter is known: as well as from so many degrees of freedom.
+    whole scatter is known: as well as from so many degrees of freedom.  `play_mm` is that of a ball on an axis
+    before a scanner that stands still; elsewhere a pose's position holds it.
     """
 
     position_mm: float
@@ -35,6 +36,7 @@ class Sigmas:
     alike_orientation_rad: float = 0.0
     reach: float = 1.0
     freedom: float = np.inf
+    play_mm: float = 0.0
 
     @property
     def angle_rad(self) -> float:

@@ -57,6 +57,8 @@ class NoiseShapes:
         Covariance by a position's error and by an orientation's about any axis; the way by each axis's reading.
     stops : (K, c)
         1 where a capture is of a stop of the robot that several share, whose errors are theirs together.
+    playing : (K, 1, 1)
+        1 where the robot is not on the way to the ball: what carries it has play.
     scale : (K, 1, 1)
         By how much a capture's own pose variance is larger.
     moves : (K, 3, 6)
@@ -70,6 +72,7 @@ class NoiseShapes:
     moving: FloatArray
     turning: FloatArray
     axes: FloatArray
+    playing: FloatArray
     scale: FloatArray
     stops: FloatArray
     moves: FloatArray
@@ -100,6 +103,7 @@ class NoiseShapes:
             moving=np.abs(walk.over_robot)[:, None, None] * np.eye(3),
             turning=_turning(arms[:, :, None] * arms[:, None, :] + untold),
             axes=by_axis,
+            playing=(walk.over_robot == 0)[:, None, None].astype(float),
             scale=data.pose_scale[:, None, None],
             stops=(data.stop[:, None] == np.arange(data.stops)).astype(float),
             moves=walk.moves(laser_from_base, arms),
@@ -122,6 +126,7 @@ class NoiseShapes:
         if self.stops.size:
             spread[self.stops.any(axis=1)] = _LEAST_SIGMA_MM**2 * np.eye(3)
             together.append(self._at_stops(sigmas, left[:, None]))
+        spread += sigmas.play_mm**2 * self.scale * self.playing * np.eye(3)
         return Noise(spread, np.concatenate([*together, self.arm], axis=2))
 
     def _at_stops(self, sigmas: Sigmas, left: FloatArray) -> FloatArray:

@@ -19,14 +19,13 @@ def with_tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tu
 
     About the minimum the table follows tool and scanner by −H⁻¹ H_tool, with H of the other unknowns.
     """
-    fitted = judged.fit
+    fitted, mounts = judged.fit, judged.data.walk.layout.of_mounts
     if tool.sought:
         sought = hold_files(judged, False)
         return sought.state, sought.covariance
     if tool.held is None:
-        return fitted.state, fitted.covariance * judged.inflation
+        return fitted.state, _without(mounts[judged.data.held[mounts]], fitted.covariance * judged.inflation)
     known, data = tool.held, judged.data
-    mounts = data.walk.layout.of_mounts
     nothing = np.zeros(len(data.kinds))
     exact = replace(data.holding(mounts), tool_prior=None, nuisance_sigmas=nothing)
     answer = known.state.position
@@ -57,8 +56,16 @@ def with_tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tu
     follows = np.zeros((size, len(by)))
     follows[rest] = -covariance_of(whole.hessian[np.ix_(rest, rest)]) @ whole.hessian[np.ix_(rest, by)]
     follows = follows[:width]
+    follows[mounts, : len(mounts)] = np.eye(len(mounts))
     some = known.mounts_and_scanners
     carried = known.covariance[np.ix_(some, some)]
     if move is not None:
         carried = carried + move.share * np.outer(move.off, move.off)
-    return found.state, own + follows @ carried @ follows.T
+    return found.state, _without(mounts, own) + follows @ carried @ follows.T
+
+
+def _without(exact: np.ndarray, covariance: FloatArray) -> FloatArray:
+    """Return a covariance (P, P) in which some unknowns are exact."""
+    covariance = covariance.copy()
+    covariance[exact], covariance[:, exact] = 0.0, 0.0
+    return covariance

@@ -21,13 +21,15 @@ from calib_core.chain.noise import NoiseShapes
 from calib_core.estimation import Minimum, Posterior, covariance_of, maximum, posterior_about
 from calib_core.frames import FloatArray
 
-# A weak prior, in logarithms: position, orientation, the table's angle, then the shared position and orientation
-# and their reach.  Arms of this class repeat to some hundredths of a millimetre and are true to some tenths.
+# A weak prior, in logarithms: position, orientation, the table's angle, its play, then the shared position and
+# orientation and their reach.  Arms of this class repeat to some hundredths of a millimetre and are true to
+# some tenths.
 # A joint that errs turns the flange and moves it: of real arms the shared position is 0.3 to 1 m times the shared
 # orientation, so the two are believed together, their ratio within a factor of two.
 # Mean, factor, least and largest of each.
 _POSITION, _ORIENTATION = (0.1, 3.0, 0.002, 50.0), (1.5e-4, 3.0, 2e-6, 2e-2)
 _READING = {"rotary": (1e-4, 3.0, 1e-6, 2e-2), "linear": (0.03, 3.0, 0.001, 50.0)}
+_PLAY = (0.01, 3.0, 0.0005, 50.0)
 _ALIKE = ((0.03, 3.0, 1e-3, 50.0), (7e-5, 3.0, 1e-6, 2e-2), (1.0, 1.6, 0.3, 3.0))
 _IMPOSSIBLE = -1e12
 _SETTLED = 0.5  # of the log-likelihood
@@ -41,7 +43,7 @@ GivenSigmas = tuple[float | None, ...]
 
 @dataclass(frozen=True, eq=False)
 class Believed:
-    """What is believed of the sigmas' logarithms: mean, width, least and largest, (5 + A,) each."""
+    """What is believed of the sigmas' logarithms: mean, width, least and largest, (6 + A,) each."""
 
     mean: FloatArray
     width: FloatArray
@@ -52,7 +54,7 @@ class Believed:
     def of(cls, data: ChainData) -> "Believed":
         """Return it for captures whose ways lead over some axes."""
         axes = [_READING[axis.kind] for axis in data.walk.layout.axes]
-        return cls(*np.log(np.array([_POSITION, _ORIENTATION, *axes, *_ALIKE])).T)
+        return cls(*np.log(np.array([_POSITION, _ORIENTATION, *axes, _PLAY, *_ALIKE])).T)
 
     def penalty(self, logarithms: FloatArray, free: np.ndarray) -> float:
         """Return half the squared distance of the free ones from what is believed."""
@@ -61,7 +63,7 @@ class Believed:
 
     def logarithms(self, sigmas: Sigmas) -> FloatArray:
         """Return the logarithms of some sigmas, within the limits."""
-        return np.clip(np.log(np.maximum(_values(sigmas, len(self.mean) - 5), 1e-12)), self.low, self.high)
+        return np.clip(np.log(np.maximum(_values(sigmas, len(self.mean) - 6), 1e-12)), self.low, self.high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +104,13 @@ def fit_with_sigmas(
     start : ChainState
         Near the answer.
     given : GivenSigmas
-        What is told of a pose's own errors; those that poses share are always estimated.
+        What is told of a pose's own errors; play, and those that poses share, are always estimated.
     guess : Sigmas, optional
         Near which the sigmas are.
     rounds : int
         How often sigmas and unknowns follow each other at most.
     """
+    given = _asked(data, given)
     believed = Believed.of(data)
     log_sigmas = believed.mean.copy() if guess is None else believed.logarithms(guess)
     free = _free(given)
@@ -130,6 +133,7 @@ def fit_with_sigmas(
 
 def log_probability(data: ChainData, found: ChainFit, given: GivenSigmas) -> float:
     """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas."""
+    given = _asked(data, given)
     free, log_sigmas = _free(given), Believed.of(data).logarithms(found.sigmas)
     return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free])
 
@@ -180,6 +184,7 @@ def mean_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> Sigmas:
 
 def _likely_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> tuple[list[Sigmas], FloatArray]:
     """Return what the sigmas may be, and how likely that is: they add up to 1."""
+    given = _asked(data, given)
     free, believed = _free(given), Believed.of(data)
     log_sigmas = believed.logarithms(found.sigmas)
     density = _Density(data, found.minimum, log_sigmas, given, free)
@@ -189,25 +194,36 @@ def _likely_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> tupl
     return every, posterior.weights[kept] / posterior.weights[kept].sum()
 
 
-def _free(given: GivenSigmas) -> np.ndarray:
-    return np.array([value is None for value in given] + [True] * 3)
+def _asked(data: ChainData, given: GivenSigmas) -> GivenSigmas:
+    """Return what is given with the play and what poses share: None where captures can tell it.
+
+    Of a robot that is on no way they tell nothing, and of play only those that it is not on the way of.
+    """
+    over_robot = data.walk.over_robot != 0
+    if not over_robot.any():
+        return 0.0, 0.0, *given[2:], None, 0.0, 0.0, 1.0
+    return *given, 0.0 if over_robot.all() else None, None, None, None
 
 
-def _sigmas(log_sigmas: FloatArray, given: GivenSigmas) -> Sigmas:
+def _free(asked: GivenSigmas) -> np.ndarray:
+    return np.array([value is None for value in asked])
+
+
+def _sigmas(log_sigmas: FloatArray, asked: GivenSigmas) -> Sigmas:
     found = np.exp(log_sigmas)
-    own = [sought if value is None else value for sought, value in zip(found, given, strict=False)]
-    return _of_values(np.array([*own, *found[-3:]]))
+    own = [sought if value is None else value for sought, value in zip(found, asked, strict=True)]
+    return _of_values(np.array(own))
 
 
 def _of_values(values: FloatArray) -> Sigmas:
-    position, orientation, *axes, alike_position, alike_orientation, reach = values.tolist()
-    return Sigmas(position, orientation, tuple(axes), alike_position, alike_orientation, reach)
+    position, orientation, *axes, play, alike_position, alike_orientation, reach = values.tolist()
+    return Sigmas(position, orientation, tuple(axes), alike_position, alike_orientation, reach, play_mm=play)
 
 
 def _values(sigmas: Sigmas, axes: int) -> FloatArray:
     own = [*sigmas.axes, *[0.0] * axes][:axes]
     alike = sigmas.alike_position_mm, sigmas.alike_orientation_rad, sigmas.reach
-    return np.array([sigmas.position_mm, sigmas.orientation_rad, *own, *alike])
+    return np.array([sigmas.position_mm, sigmas.orientation_rad, *own, sigmas.play_mm, *alike])
 
 
 class _Density:

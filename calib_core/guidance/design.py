@@ -27,7 +27,7 @@ from calib_core.guidance.arm_unknowns import ArmUnknowns
 TURN_RAD, MOUNTED_MM, SPHERE_MM = 1.0, 300.0, 3000.0
 """What is known of the tool's rotation and place and of the sphere's place before any capture."""
 
-SIGMAS = Sigmas(0.055, 1.8e-4, (1e-4,), 0.033, 8e-5, 1.0)
+SIGMAS = Sigmas(0.055, 1.8e-4, (1e-4,), 0.033, 8e-5, 1.0, play_mm=0.01)
 """Of an ordinary arm and table, where nothing is told: what `chain.variance` believes, on average."""
 
 

@@ -207,6 +207,7 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
             alike_position_mm=found.get("alike_position_sigma_mm", 0.0),
             alike_orientation_rad=found.get("alike_orientation_sigma_rad", 0.0),
             reach=(found.get("reach_mm") or REACH_MM) / REACH_MM,
+            play_mm=found.get("play_sigma_mm") or sigmas.play_mm,
         )
     robot, table = cell.robot, cell.turntable
     if robot.position_sigma_mm is not None:

@@ -75,7 +75,8 @@ class VarianceComponents(Record):
 
     Of the latter one part is each pose's own; the `alike` part is shared where poses are alike, within about
     `reach_mm` and `reach_rad`.  So many neighbouring points as `points_per_independent` say what one alone would.
-    The robot's scatter is known as well as from `degrees_of_freedom`; null where it was told.
+    The robot's scatter is known as well as from `degrees_of_freedom`; null where it was told.  `play_sigma_mm` is
+    of a sphere on an axis, each way, before a scanner that stands still; elsewhere it is part of the robot's.
     """
 
     point_sigma_mm: float | None
@@ -89,6 +90,7 @@ class VarianceComponents(Record):
     reach_rad: float = 0.0
     points_per_independent: float = 1.0
     degrees_of_freedom: float | None = None
+    play_sigma_mm: float | None = None
 
 
 class LeftInFiles(Record):

@@ -33,6 +33,7 @@ _NOISE_LABELS: Final = {
     "orientation_sigma_deg": ("Robot's orientation, each axis", "°"),
     "alike_position_sigma_mm": ("Robot's position, shared by alike poses", "mm"),
     "alike_orientation_sigma_deg": ("Robot's orientation, shared by alike poses", "°"),
+    "play_sigma_mm": ("Play of the sphere's axis, each direction", "mm"),
 }
 _UNITS: Final = {"_mm": "mm", "_deg": "°", "_px": "px", "_rad": "rad"}
 

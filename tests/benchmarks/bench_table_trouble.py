@@ -68,7 +68,7 @@ def rows_of(seeds: range, told: bool, scanners: Scanners = "one") -> list[Row]:
         outcomes = [outcome(trouble, seed, told, scanners) for seed in seeds]
         for stage in STAGES:
             own = [each[stage] for each in outcomes]
-            shown += own
+            shown += [] if trouble.is_hidden(scanners) else own
             clean += own if trouble.clean else []
             rows.append(Row(f"{stage}, {name}, {what}", "must pass" if trouble.clean else "", counts_of(own)))
     return [*rows, *sums(shown, clean, what)]

@@ -97,7 +97,7 @@ def rows_of(
     what = ("sigmas told" if told else "nothing told") + OTHERS.get(scanners, "")
     for name, trouble in troubles.items():
         outcomes = [outcome(trouble, seed, told, scanners) for seed in seeds]
-        shown += [] if trouble.hidden else outcomes
+        shown += [] if trouble.is_hidden(scanners) else outcomes
         clean += outcomes if trouble.clean else []
         kind = "must pass" if trouble.clean else ("cannot be seen" if trouble.hidden else "")
         rows.append(Row(f"{name}, {what}", kind, counts_of(outcomes)))

@@ -14,7 +14,7 @@ NOMINAL = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0
 """How the flange stands in base where it is not tilted (3, 3)."""
 
 Scanners = Literal["one", "fixed", "two", "both"]
-"""One on the flange, one that stands still before a ball on the flange; two on the flange, or one of each, in turn."""
+"""One on the flange, or that stands still before a ball on the flange; two on the flange, or one of each."""
 
 NAMES = ("left", "right")
 _HELD_MM = np.array([25.0, -40.0, 130.0])
@@ -96,13 +96,19 @@ class Plan:
 class Trouble:
     """One class of trouble.
 
-    `clean`: what every cell has, so that 95 % must pass; `hidden`: what no capture can show, listed apart.
+    `clean`: what every cell has, so that 95 % must pass; `hidden`: what no capture can show, listed apart, and
+    `hidden_from` what only some cells' captures can.
     """
 
     name: str
     change: Callable[[Any, np.random.Generator], None]
     clean: bool = False
     hidden: bool = False
+    hidden_from: tuple[Scanners, ...] = ()
+
+    def is_hidden(self, scanners: Scanners) -> bool:
+        """Return whether no capture of such a cell can show it."""
+        return self.hidden or scanners in self.hidden_from
 
 
 @dataclass(frozen=True, eq=False)

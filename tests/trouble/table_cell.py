@@ -114,7 +114,7 @@ def by_the_rule(table: FloatArray) -> FloatArray:
 
 
 def on_table(plan: TablePlan, arm: Arm, scanners: list[Mounted], table: FloatArray, rng: Rng) -> OnTable:
-    """Return the captures on the table, the scanners in turn; one that stands still has the heights in its light."""
+    """Return the captures on the table, scanners in turn; one that stands still has the heights in its light."""
     plan = replace(plan, radius_mm=plan.table_radius_mm or plan.radius_mm)
     arm = replace(arm, plan=plan)
     azimuths = rng.uniform(-np.pi, np.pi, len(plan.heights_mm))

@@ -21,10 +21,10 @@ MOVED_SPHERE = Code(
 CHANGED_TOOL = Code(
     "changed-tool",
     "warning",
-    text="The scanner seems to sit otherwise on the flange from {since} on (by {shift_mm:.2f} mm and {turn_deg:.2f}°).",
+    text="The scanner seems to have moved before {since} (by {shift_mm:.2f} mm and {turn_deg:.2f}°).",
     to_do="Fix the scanner firmly and repeat the captures before or after that.",
-    title="The scanner moved on the flange before {since}",
-    meaning="From one capture on, the scanner sits elsewhere on the flange.",
+    title="The scanner moved before {since}",
+    meaning="From one capture on, the scanner sits elsewhere on what carries it.",
     decided="A tool of its own for the captures from there on makes all of them likelier by a factor that chance does "
     "not give, and differs by at least 0.4 mm or 0.05°.",
     usual_causes="A collision, a loose screw, another tool.",

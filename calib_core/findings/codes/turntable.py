@@ -253,7 +253,8 @@ ONE_HEIGHT = Code(
     },
     by_to_do="scanners",
     meaning="A circle tells its axis's direction by its plane alone; two heights tell it by their distance.",
-    decided="All mountings lie within 20 mm along the axis, and no axis under the table leaned it.",
+    decided="All mountings lie within 20 mm along the axis, and no axis under the table leaned it; to a scanner that stands "
+    "still the axis is known to no better than 0.1°.",
     usual_causes="One mounting.",
 )
 
@@ -265,7 +266,7 @@ AXIS_WEAK = Code(
     text="The axis's direction is weakly determined, weakest towards {weakest} (±{tilt_deg:.3f}°).",
     to_do="Add angles all around, and heights.",
     meaning="The axis's direction is known less well than usual. The stated uncertainty holds it.",
-    decided="Its standard deviation is above 0.1°.",
+    decided="Its standard deviation is above 0.1°, to a scanner that stands still as that sees the axis.",
     usual_causes="Few angles, heights that are near to each other.",
     behind=_WIDENS,
 )
@@ -344,6 +345,17 @@ PLAY_NOT_CHECKED = Code(
     to_do="Approach angles from that side when scanning too, or capture one from the other.",
     meaning="Play that is always taken up from one side shifts angle zero, and every capture agrees.",
     decided="No angle was captured again after the table had been elsewhere.",
+)
+
+SCANNER_MOVE_NOT_CHECKED = Code(
+    "scanner-move-not-checked",
+    "note",
+    text="Not checked: whether the scanner, which stands still, moved between the captures of the sphere on the flange and "
+    "those of the table.",
+    to_do="Capture the sphere on the flange from three poses more after those of the table.",
+    meaning="Captures of the sphere on the table do not tell where a scanner that stands still is in base. If it moved after "
+    "those of the sphere on the flange, the table's frame in base is off by as much; what is merged by this scanner is not.",
+    decided="Captures of the sphere on the flange come before those of the table or after them, not both.",
 )
 
 TABLE_PLAY = Code(

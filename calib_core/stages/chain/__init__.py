@@ -19,7 +19,7 @@ class Chain(Stage):
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
-    method_revision = 23  # captures at one stop share all that errs there
+    method_revision = 24  # what carries the sphere has play where no robot is on the way
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True

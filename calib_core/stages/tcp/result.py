@@ -234,6 +234,7 @@ def components(
     sigmas: Sigmas, point_sigma_mm: float | None, points_per_independent: float, estimated: list[str]
 ) -> VarianceComponents:
     """Return the standard deviations as a record; `estimated` names those that nobody gave."""
+    play = {"play_sigma_mm": sigmas.play_mm} if sigmas.play_mm else {}
     return VarianceComponents(
         point_sigma_mm=point_sigma_mm,
         position_sigma_mm=sigmas.position_mm,
@@ -246,6 +247,7 @@ def components(
         reach_rad=REACH_RAD * sigmas.reach,
         points_per_independent=points_per_independent,
         degrees_of_freedom=sigmas.freedom if np.isfinite(sigmas.freedom) else None,
+        **play,
     )
 
 
@@ -259,6 +261,8 @@ def _variance_components(solution: TcpSolution) -> VarianceComponents:
 def estimated_of_robot(sigmas: Sigmas, position_mm: float | None, orientation_rad: float | None) -> list[str]:
     """Return which of a robot's sigmas were estimated: not told, or told and contradicted by the captures."""
     names: list[str] = []
+    if not sigmas.largest_position_mm:  # it is not on the way
+        return names
     if position_mm != sigmas.position_mm:
         names.append("position_sigma_mm")
     if orientation_rad != sigmas.orientation_rad:

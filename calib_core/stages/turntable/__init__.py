@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 15  # captures at one stop share all that errs there
+    method_revision = 16  # what carries the sphere has play where no robot is on the way
     step = CaptureStep(
         "turntable",
         "Turntable",

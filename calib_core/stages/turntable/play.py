@@ -96,9 +96,11 @@ def _is_same(one: TurntableResidual, other: TurntableResidual) -> bool:
 def _sigma_deg(result: TableLike, rows: list[TurntableResidual]) -> float:
     """Return how far a capture errs around the axis by chance: as it must, and as most captures do.
 
-    It must by its angle's own error and its pose's; the sphere's centre beside a profile errs by more.
+    It must by its angle's own error, and its pose's or what carries it; the sphere's centre beside a profile errs
+    by more.
     """
     radius_mm = min((mount.radius_mm for mount in result.mounts), default=0.0)
-    by_pose = np.rad2deg(result.variance_components.position_sigma_mm / max(radius_mm, 1.0))
+    parts = result.variance_components
+    by_pose = np.rad2deg(np.hypot(parts.position_sigma_mm, parts.play_sigma_mm or 0.0) / max(radius_mm, 1.0))
     seen = _BY_MEDIAN * float(np.median([abs(row.angle_deg or 0.0) for row in rows]))
     return max(float(np.hypot(result.angle_sigma_deg, by_pose)), seen)

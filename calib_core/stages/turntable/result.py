@@ -217,6 +217,7 @@ def variance_components(table: TurntableSolution) -> VarianceComponents:
     estimated = ["point_sigma_mm"] if options.point_sigma_mm is None else []
     estimated += estimated_of_robot(sigmas, options.position_sigma_mm, options.orientation_sigma_rad)
     estimated += [] if options.angle_sigma_rad == sigmas.angle_rad else ["angle_sigma_rad"]
+    estimated += ["play_sigma_mm"] if sigmas.play_mm else []
     return components(sigmas, table.point_sigma_mm, 1.0, estimated)
 
 

@@ -107,11 +107,16 @@ def _left_to_chain(table: SolvedTable) -> list[Finding]:
 def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize) -> list[Finding]:
     """Return what is noticed of a table, with what would explain doubts about its angles."""
     from calib_core.causes.table import table_causes
-    from calib_core.stages.turntable.verdict import angles_that_do_not_fit, table_findings
+    from calib_core.stages.turntable.verdict import (
+        angles_that_do_not_fit,
+        scanner_move_not_checked,
+        table_findings,
+    )
 
     alone = own_base(given.session.cell, given.session.captures) is not None
     known_in = "scanner" if alone else "axis" if names_axes(given.session.cell) else "base"
     found = table_findings(table.solution, table.observations, given.session.cell, known_in)
+    found += scanner_move_not_checked(given.session.captures, table.observations)
     if (
         verdict_of(found) == "pass"
         or given.session.cell.turntable.angles == "unknown"

@@ -1,5 +1,6 @@
 """Whether a turntable can be trusted: everything that is noticed of a solution, as findings."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,9 @@ from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding
 from calib_core.findings.codes import turntable as codes
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, skew
 from calib_core.messages import message
-from calib_core.records import Cell, Undetermined
+from calib_core.records import Capture, Cell, Undetermined
 from calib_core.stages.tcp.verdict import is_beyond
 
 _UNDETERMINED_RAD = np.deg2rad(0.5)
@@ -171,6 +172,16 @@ def _doubts_about_captures(table: TurntableSolution, observations: TableObservat
     return found
 
 
+def scanner_move_not_checked(captures: Sequence[Capture], observations: TableObservations) -> list[Finding]:
+    """Return that nothing shows whether a scanner that stands still moved before the table was captured."""
+    still = {o.sphere.scanner for o in observations if o.placed.carriers.over_robot == 0}
+    own = [capture for capture in captures if not capture.excluded and (capture.scanner or "") in still]
+    steps = [capture.step for capture in own if capture.step in ("tcp", "turntable")]
+    if "tcp" not in steps or steps[0] == steps[-1] == "tcp":
+        return []
+    return [codes.SCANNER_MOVE_NOT_CHECKED()]
+
+
 def scatters_by_table(table: TurntableSolution) -> bool:
     """Return whether captures of the table scatter more than is told of the robot, and than the arm explains."""
     told_mm = table.options.position_sigma_mm
@@ -189,11 +200,30 @@ def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
         )
     if not table.turns:
         return found
-    if np.ptp(table.frame.mounts_mm[:, 2]) < _ONE_HEIGHT_MM and not table.tilted:
-        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg, scanners=_scanners(table)))
-    elif values[-1] > _WEAK_RAD**2:
+    weak, scanners = _largest_tilt_of_table(table) > _WEAK_RAD**2, _scanners(table)
+    low = np.ptp(table.frame.mounts_mm[:, 2]) < _ONE_HEIGHT_MM and not table.tilted
+    if low and (weak or scanners != "base"):
+        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg, scanners=scanners))
+    elif weak:
         found.append(codes.AXIS_WEAK(weakest=weakest, tilt_deg=tilt_deg))
     return found
+
+
+def _largest_tilt_of_table(table: TurntableSolution) -> float:
+    """Return the variance of the axis's direction where it is weakest, rad².
+
+    Where the one scanner that sees the sphere stands still: as that scanner sees it.  How it is turned in base no
+    capture of the table tells, and none more would.
+    """
+    walk, at, layout = table.state.walk, table.state.position, table.state.walk.layout
+    seeing = np.unique(walk.scanner[np.isin(walk.place, layout.on_axis(layout.table))])
+    if len(seeing) > 1 or layout.mounts[seeing[0]][1] != "base":
+        return float(np.linalg.eigvalsh(table.covariance.axis_direction)[-1])
+    laser_from_base, axis = at.mount_rotations[seeing[0]].T, at.axes[layout.table].rotation
+    turned = np.hstack([skew(laser_from_base @ axis[:, 2]), laser_from_base @ axis @ -skew(np.eye(3)[2])[:, :2]])
+    every = np.arange(layout.unknowns)
+    columns = np.append(every[layout.mount(int(seeing[0]))][:3], every[layout.axis(layout.table)][:2])
+    return float(np.linalg.eigvalsh(turned @ table.unknowns_covariance[np.ix_(columns, columns)] @ turned.T)[-1])
 
 
 def _scanners(table: TurntableSolution) -> str:
