@@ -1,12 +1,15 @@
 """What goes wrong with real turntables: no `pass` is far off.  20 seeds: `scancell bench table_trouble --full`."""
 
+import numpy as np
 import pytest
 from bench_table_trouble import errors_over_stated, outcome
 
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import all_table_troubles, troubled
+from tests.trouble import TableTrouble, all_table_troubles, troubled
+from tests.trouble.cell import Scanners
+from tests.trouble.table_cell import TablePlan
 
 TROUBLES = all_table_troubles()
 
@@ -79,6 +82,49 @@ def test_a_wobble_about_a_bearing_below_the_spheres_is_no_sphere_that_moved_and_
         assert "axis-wobbles" in found
         assert "sphere-reseated" not in found
         assert errors_over_stated(result, cell).max() < 2  # 4.2 in the chain while the wobble added nothing to it
+
+
+OF_OTHER_CELLS = [
+    "repeats to 0.1 mm",
+    "play of 0.02 mm",
+    "play of 0.1 mm",
+    "angles count the other way",
+    "pushed by 1 mm between the mountings",
+    "two captures of the other mounting",
+]
+
+
+@pytest.mark.thorough(keep=2)
+@pytest.mark.parametrize("scanners", ["fixed", "two", "both"])
+@pytest.mark.parametrize("name", OF_OTHER_CELLS)
+def test_no_pass_is_far_off_with_a_scanner_that_stands_still_or_with_two(name: str, scanners: Scanners) -> None:
+    for stage, found in outcome(TROUBLES[name], 0, scanners=scanners).items():
+        if TROUBLES[name].clean:  # play was taken for a push, and for a scatter of the robot's
+            assert found.verdict == "pass", (stage, found.warnings)
+        else:
+            assert found.verdict != "pass" or name == "play of 0.1 mm", stage
+        assert found.worst < 2, stage  # 11 where nothing had play
+
+
+@pytest.mark.thorough(keep=1)
+@pytest.mark.parametrize("after", [0, 6])
+def test_a_scanner_that_stands_still_and_moved_is_told_by_the_ball_on_the_flange_after_the_table(
+    after: int,
+) -> None:
+    def change(plan: TablePlan, rng: np.random.Generator) -> None:
+        TROUBLES["tool moves by 1 mm, 0.3° before the table"].change(plan, rng)
+        since, moved = plan.shifts + plan.tilts, plan.mounting
+        plan.mounting = lambda k: moved(k + since if k >= since - after else k)
+
+    cell = troubled(TableTrouble("moves", change), 0, scanners="fixed")
+    captures = cell.session.captures
+    held = [capture for capture in captures if capture.step == "tcp"]
+    first = len(held) - after
+    in_order = [*held[:first], *captures[len(held) :], *held[first:]]
+    session = cell.session.model_copy(update={"captures": in_order})
+    result = solve_stage(session, "chain", cell.files.__getitem__)
+    codes = {one.code for one in result.findings}
+    assert ("scanner-move-not-checked" in codes, "changed-tool" in codes) == (after == 0, after > 0)
 
 
 @pytest.mark.thorough

@@ -25,9 +25,9 @@ from calib_core.simulation.topology import BallOptions
 from calib_core.stages.chain.result import disagreements
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.solve import about_tool, table_options
-from calib_core.stages.turntable.verdict import table_findings
+from calib_core.stages.turntable.verdict import scanner_move_not_checked, table_findings
 from tests.core.test_late_scanner import BESIDE, FIXED, HELD, MOUNTED, seen_by
-from tests.every_code.made import CELL, Case, solved, table_of
+from tests.every_code.made import CELL, Case, made, solved, table_of
 from tests.every_code.tcp import scattered
 
 
@@ -199,6 +199,15 @@ def again(apart_deg: float | None) -> Case:
     return case
 
 
+def flange_after_table(many: int) -> Case:
+    """Return what is said of a scanner that stands still, `many` captures of the flange's ball after the table's."""
+    captures = made("fixed-scanner-turntable", 2).session.captures
+    held = [capture for capture in captures if capture.step == "tcp"]
+    on_it = [capture for capture in captures if capture.step == "turntable"]
+    first = len(held) - many
+    return lambda: scanner_move_not_checked([*held[:first], *on_it, *held[first:]], {""})
+
+
 def after_tool(optics: tuple[Any, ...] = (), **sigmas: float) -> Case:
     """Return what the turntable says of a tool whose poses scatter so, or that frames of optics told."""
 
@@ -249,6 +258,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "encoder-scale": both("encoders", {0: EncoderScale(5e-4, 1e-4, True)}, {0: EncoderScale(3e-4, 1e-4, False)}),
     "table-angles-scatter": (by_angle(0.051), by_angle(0.049)),
     "play-not-checked": (again(None), again(0.0)),
+    "scanner-move-not-checked": (flange_after_table(0), flange_after_table(3)),
     "table-play": (again(0.011), again(0.009)),
     "table-angles-repeat": (again(0.009), again(0.011)),
     "tcp-failed-before": (after_tool(position_mm=2.6), after_tool(position_mm=2.4)),

@@ -116,7 +116,8 @@ def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize)
     alone = own_base(given.session.cell, given.session.captures) is not None
     known_in = "scanner" if alone else "axis" if names_axes(given.session.cell) else "base"
     found = table_findings(table.solution, table.observations, given.session.cell, known_in)
-    found += scanner_move_not_checked(given.session.captures, table.observations)
+    still = {o.sphere.scanner for o in table.observations if o.placed.carriers.over_robot == 0}
+    found += scanner_move_not_checked(given.session.captures, still)
     if (
         verdict_of(found) == "pass"
         or given.session.cell.turntable.angles == "unknown"

@@ -1,6 +1,6 @@
 """Whether a turntable can be trusted: everything that is noticed of a solution, as findings."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -172,9 +172,8 @@ def _doubts_about_captures(table: TurntableSolution, observations: TableObservat
     return found
 
 
-def scanner_move_not_checked(captures: Sequence[Capture], observations: TableObservations) -> list[Finding]:
-    """Return that nothing shows whether a scanner that stands still moved before the table was captured."""
-    still = {o.sphere.scanner for o in observations if o.placed.carriers.over_robot == 0}
+def scanner_move_not_checked(captures: Sequence[Capture], still: Container[str]) -> list[Finding]:
+    """Return that nothing shows whether scanners that stand still moved before the table was captured."""
     own = [capture for capture in captures if not capture.excluded and (capture.scanner or "") in still]
     steps = [capture.step for capture in own if capture.step in ("tcp", "turntable")]
     if "tcp" not in steps or steps[0] == steps[-1] == "tcp":
