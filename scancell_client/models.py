@@ -1220,6 +1220,7 @@ class VarianceComponents(Record):
     reach_rad: float | None = None
     points_per_independent: float | None = None
     degrees_of_freedom: float | None = None
+    play_sigma_mm: float | None = None
 
 
 class VerifyCheck(Record):

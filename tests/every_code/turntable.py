@@ -200,7 +200,7 @@ def again(apart_deg: float | None) -> Case:
 
 
 def flange_after_table(many: int) -> Case:
-    """Return what is said of a scanner that stands still, `many` captures of the flange's ball after the table's."""
+    """Return what is said of a scanner that stands still, some captures of the flange's ball after the table's."""
     captures = made("fixed-scanner-turntable", 2).session.captures
     held = [capture for capture in captures if capture.step == "tcp"]
     on_it = [capture for capture in captures if capture.step == "turntable"]
