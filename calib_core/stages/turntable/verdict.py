@@ -199,10 +199,10 @@ def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
         )
     if not table.turns:
         return found
-    weak, scanners = _largest_tilt_of_table(table) > _WEAK_RAD**2, _scanners(table)
+    weak = _largest_tilt_of_table(table) > _WEAK_RAD**2
     low = np.ptp(table.frame.mounts_mm[:, 2]) < _ONE_HEIGHT_MM and not table.tilted
-    if low and (weak or scanners != "base"):
-        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg, scanners=scanners))
+    if low and (weak or table.state.walk.over_robot[_on_it(table)].any()):
+        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg, scanners=_scanners(table)))
     elif weak:
         found.append(codes.AXIS_WEAK(weakest=weakest, tilt_deg=tilt_deg))
     return found
@@ -215,8 +215,9 @@ def _largest_tilt_of_table(table: TurntableSolution) -> float:
     capture of the table tells, and none more would.
     """
     walk, at, layout = table.state.walk, table.state.position, table.state.walk.layout
-    seeing = np.unique(walk.scanner[np.isin(walk.place, layout.on_axis(layout.table))])
-    if len(seeing) > 1 or layout.mounts[seeing[0]][1] != "base":
+    on_it = _on_it(table)
+    seeing = np.unique(walk.scanner[on_it])
+    if len(seeing) > 1 or walk.over_robot[on_it].any():
         return float(np.linalg.eigvalsh(table.covariance.axis_direction)[-1])
     laser_from_base, axis = at.mount_rotations[seeing[0]].T, at.axes[layout.table].rotation
     turned = np.hstack([skew(laser_from_base @ axis[:, 2]), laser_from_base @ axis @ -skew(np.eye(3)[2])[:, :2]])
@@ -228,8 +229,13 @@ def _largest_tilt_of_table(table: TurntableSolution) -> float:
 def _scanners(table: TurntableSolution) -> str:
     """Return whether the flange carries a scanner that sees the table's sphere, or all of them stand still."""
     walk = table.state.walk
-    on_it = np.isin(walk.place, walk.layout.on_axis(walk.layout.table))
-    return carrier_of_all(walk.layout.mounts[n][1] for n in walk.scanner[on_it].tolist())
+    return carrier_of_all(walk.layout.mounts[n][1] for n in walk.scanner[_on_it(table)].tolist())
+
+
+def _on_it(table: TurntableSolution) -> np.ndarray:
+    """Return which captures see the table's sphere, (K,)."""
+    walk = table.state.walk
+    return np.isin(walk.place, walk.layout.on_axis(walk.layout.table))
 
 
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
