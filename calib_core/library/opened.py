@@ -134,8 +134,8 @@ class OpenSession:
         ConflictError
             If nothing is solved yet.
         """
-        from calib_core.exports.in_controller import compared_with
         from calib_core.library.machines import files_of
+        from calib_core.review.in_controller import compared_with
 
         if isinstance(numbers, (str, Path)):
             return compared_with(self._answer(), files=files_of(Path(numbers)), named=tool)

@@ -27,9 +27,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_results, load_session
     from calib_core.errors import InputError
     from calib_core.exports.answer import answer_of
-    from calib_core.exports.in_controller import compared_with
     from calib_core.graph.keys import Graph
     from calib_core.library.machines import files_of
+    from calib_core.review.in_controller import compared_with
     from calib_core.review.provenance import replayed
 
     with opened(options.session) as folder:

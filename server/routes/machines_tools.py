@@ -93,7 +93,7 @@ async def read_back_tool(
         contents = await contents_of(files) if files else {}
 
         def compared() -> tuple[dict[str, Any], dict[str, str]]:
-            from calib_core.exports.in_controller import compared_with
+            from calib_core.review.in_controller import compared_with
 
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))

@@ -10,8 +10,8 @@ import calib_core as cc
 from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import write_export
-from calib_core.exports.in_controller import compared_with
 from calib_core.poses.numbers import parse_pose
+from calib_core.review.in_controller import compared_with
 from calib_core.robots.backup import read_controller_files
 
 
