@@ -192,7 +192,13 @@ def recaptured(name: str, shifted: str | None = None, shift_mm: float = 0.0) -> 
 @pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("name", "poses", "shifted"),
-    [("scanners-on-flange-and-base", 6, "gate"), ("fixed-scanner-turntable", 3, None), ("plate", 3, None)],
+    [
+        ("scanners-on-flange-and-base", 6, "gate"),
+        ("fixed-scanner-turntable", 3, None),
+        ("plate", 3, None),
+        ("scara", 3, None),
+        ("gantry-turntable", 3, None),
+    ],
 )
 def test_each_scanner_is_rechecked_by_its_own_poses(name: str, poses: int, shifted: str | None) -> None:
     holds = recaptured(name)

@@ -1,6 +1,6 @@
 """The recheck stage: repeated captures found by their poses and compared, round by round."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ from calib_core.arms.errors import places_of_zeros
 from calib_core.captures.arm_joints import terms_of
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.findings import Finding, judgement, reasons_of, sentence_of
 from calib_core.findings.codes import recheck as codes
@@ -23,6 +23,7 @@ from calib_core.stages.recheck.compare import Alike, Change, compared
 from calib_core.stages.recheck.record import RecheckResidual, RecheckResult, RecheckRound
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
+from calib_core.stages.verify.held_out import held_out
 from calib_core.stages.verify.on_axes import axes_of_answer, on_axes
 from calib_core.stages.verify.tool import Tool
 
@@ -70,7 +71,7 @@ def solve(given: StageInput) -> RecheckResult:
     on = on_axes(observed.observations, given.captures, axes_of_answer(given.session.cell, answer))
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
     tool = Tool.of(answer).exact
-    centers = [tool.nearest_ball(one, sphere)[2] for one in on]
+    centers = _centers(on, used - own, sphere, tool)
     on = tool.straightened(on, np.array(centers), sphere.radius_mm)
     each = zip(on, observed.observations, centers, strict=True)
     stops = [_Stop(seen, o.base_from_tool0, center) for seen, o, center in each]
@@ -137,6 +138,23 @@ def require_still_sphere(session: Session) -> None:
             "both against each other.",
             "captures",
         )
+
+
+def _centers(
+    seen: Sequence[SphereObservation], used: Collection[str], sphere: SphereSize, tool: Tool
+) -> list[FloatArray]:
+    """Return the centre (3,) on its carrier of the ball that each capture shows, as the calibration has it.
+
+    Where it leaves that open, the captures that it used say it, by the tool as it is used.
+    """
+    found = [tool.nearest_ball(one, sphere) for one in seen]
+    centers = [center for _, _, center in found]
+    for scanner in {one.scanner for one, (ball, _, _) in zip(seen, found, strict=True) if not ball}:
+        some = [one for one in seen if one.scanner == scanner and one.capture in used]
+        if len(some) > 1:
+            center = held_out(some, sphere, tool.of_scanner(scanner)).center_mm
+            centers = [center if one.scanner == scanner else at for one, at in zip(seen, centers, strict=True)]
+    return centers
 
 
 def _paired(now: Sequence[_Stop], then: Sequence[_Stop]) -> tuple[list[_Pair], list[str]]:

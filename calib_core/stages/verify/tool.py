@@ -121,7 +121,7 @@ class Tool:
         there = [
             (min(float(np.linalg.norm(one - at)) for one in centers), name, at)
             for name, carrier, at in self.spheres
-            if carrier == seen.carriers.ball
+            if carrier == seen.carriers.ball and np.isfinite(at).all()
         ]
         away_mm, name, at = min(there, key=lambda one: one[0], default=(np.inf, "", centers[0]))
         return name, away_mm, at
