@@ -9,6 +9,22 @@ from calib_core.records import Cell
 
 SCANNER_IN_BASE: Final = message("Scanner in base")
 _AXIS: Final = templates({"rotary": "Rotary axis {axis}", "linear": "Linear axis {axis}"})
+_SCANNERS: Final = templates({
+    ("tool0", False): "Scanner on the flange",
+    ("base", False): "Scanner in base",
+    ("tool0", True): "Scanner {scanner} on the flange",
+    ("base", True): "Scanner {scanner} in base",
+})  # fmt: skip
+
+
+def scanner_title(into: str, outof: str, scanner: str | None) -> str:
+    """Return what a scanner's frame is called, on what carries it, or before another one that its frame names."""
+    if into.startswith("laser:"):
+        one, other = (name.partition(":")[2] for name in (outof, into))
+        return message("Scanner {scanner} seen from {other}", scanner=one, other=other)
+    if (into, bool(scanner)) in _SCANNERS:
+        return message(_SCANNERS[into, bool(scanner)], scanner=scanner or "")
+    return message("Scanner {scanner} on {carrier}", scanner=scanner or "", carrier=into)
 
 
 def axis_title(name: str, kind: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib_core.cell.titles import axis_title, scanner_title
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, vector_from_rotation
@@ -41,10 +42,12 @@ class PlannedCapture(Record):
 class PlannedEdge(Record):
     """What a plan will tell of a scanner, of where one is to another, or of an axis: ± (k = 2), worst direction.
 
-    A figure is null where the captures leave a direction open, or where there is none: `open` says what.
+    A figure is null where the captures leave a direction open, or where there is none: `open` says what.  `title`
+    is what people call it.
     """
 
     name: str
+    title: str
     position_mm: float | None
     orientation_deg: float | None
     open: list[str]
@@ -115,12 +118,16 @@ def _edges(known: CellThoughtOf, covariance: FloatArray) -> Iterator[PlannedEdge
     layout, firsts = known.layout, dict[str, int]()
     for n, (name, on) in enumerate(layout.mounts):
         own = covariance[layout.mount(n), layout.mount(n)]
-        yield _edge(f"{on}_from_laser" + (f":{name}" if name else ""), own[3:, 3:], own[:3, :3], own)
+        frame = f"{on}_from_laser" + (f":{name}" if name else "")
+        yield _edge(frame, scanner_title(on, "laser", name), own[3:, 3:], own[:3, :3], own)
         if (first := firsts.setdefault(on, n)) != n:
-            yield _edge(f"laser:{layout.mounts[first][0]}_from_laser:{name}", *_apart(known, covariance, first, n))
+            into, outof = f"laser:{layout.mounts[first][0]}", f"laser:{name}"
+            apart = _apart(known, covariance, first, n)
+            yield _edge(f"{into}_from_{outof}", scanner_title(into, outof, None), *apart)
     for a, axis in enumerate(layout.axes):
         own = covariance[layout.axis(a), layout.axis(a)]
-        yield _edge(axis.name, own[2:4, 2:4] if axis.kind == "rotary" else None, own[:2, :2])
+        place = None if axis.slides else own[2:4, 2:4]
+        yield _edge(axis.name, axis_title(axis.name, axis.kind), place, own[:2, :2])
 
 
 def _apart(known: CellThoughtOf, covariance: FloatArray, one: int, other: int) -> tuple[FloatArray, FloatArray]:
@@ -140,7 +147,9 @@ def _apart(known: CellThoughtOf, covariance: FloatArray, one: int, other: int) -
     return own[3:, 3:], own[:3, :3]
 
 
-def _edge(name: str, place: FloatArray | None, turn: FloatArray, scanner: FloatArray | None = None) -> PlannedEdge:
+def _edge(
+    name: str, title: str, place: FloatArray | None, turn: FloatArray, scanner: FloatArray | None = None
+) -> PlannedEdge:
     position = None if place is None else float(worst_sigma_mm(place))
     rotation = float(worst_sigma_mm(turn))
     told = [] if scanner is None else [str(one.description) for one in open_directions(scanner)]
@@ -150,6 +159,7 @@ def _edge(name: str, place: FloatArray | None, turn: FloatArray, scanner: FloatA
         told.append(message("the direction of '{edge}'", edge=name))
     return PlannedEdge(
         name=name,
+        title=title,
         position_mm=None if position is None or position > _OPEN_MM else COVERAGE * position,
         orientation_deg=None if rotation > _OPEN_RAD else float(np.rad2deg(COVERAGE * rotation)),
         open=told,

@@ -7,21 +7,18 @@ import numpy as np
 
 from calib_core.cell.axes import TABLE
 from calib_core.cell.found import axis_of_table
-from calib_core.cell.titles import axis_title
+from calib_core.cell.titles import axis_title, scanner_title
 from calib_core.evidence.numbers import number_text, plus_minus
 from calib_core.frames import RigidTransform
 from calib_core.messages import Message, message, templates
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
-from calib_core.records.results import FoundFrame
 from calib_core.stages.frame_blocks import direction_text, frame_block, open_frame
 
 _KINDS: Final = templates({"rotary": "rotary", "linear": "linear"})
-_PLACES: Final = templates({"tool0": "Scanner {scanner} on the flange", "base": "Scanner {scanner} in base"})
 _TABLES: Final = templates(
     {"rotary": "Rotary axis {axis} in the robot's base", "linear": "Linear axis {axis} in the robot's base"}
 )
-_ELSEWHERE: Final = message("Scanner {scanner} on {carrier}")
 
 
 def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
@@ -33,7 +30,7 @@ def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
         matrix = np.array(frame.matrix, dtype=float)
         if not np.isfinite(matrix).all() or not frame.outof.startswith("laser"):
             continue  # a table has a block of its own
-        title = scanner_title(frame)
+        title = scanner_title(frame.into, frame.outof, frame.scanner)
         placed = RigidTransform(matrix, frame.into if frame.scanner else "laser", "laser")
         if result.up_to_shift is not None and frame.scanner is not None:
             found.append(open_frame(session, placed, title, result.up_to_shift))
@@ -44,14 +41,6 @@ def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
         ends = {"into": frame.into, "outof": frame.outof, "name": f"{frame.into}_from_{frame.outof}"}
         found.append(block.model_copy(update=ends))
     return found
-
-
-def scanner_title(frame: FoundFrame) -> Message:
-    """Return what a scanner's frame is called, on its mount or before another scanner."""
-    if frame.scanner is None:
-        one, other = (name.partition(":")[2] for name in (frame.outof, frame.into))
-        return message("Scanner {scanner} seen from {other}", scanner=one, other=other)
-    return message(_PLACES.get(frame.into, _ELSEWHERE), scanner=frame.scanner, carrier=frame.into)
 
 
 def carrier_name(result: Any) -> str:

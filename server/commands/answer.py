@@ -107,9 +107,9 @@ def _scanners(answer: "SessionAnswer", *, believed: bool) -> "list[AnyBlock]":
     """Return each scanner of a cell of several."""
     import numpy as np
 
+    from calib_core.cell.titles import scanner_title
     from calib_core.frames import RigidTransform
     from calib_core.stages.frame_blocks import frame_block
-    from calib_core.stages.topology_found import scanner_title
 
     found: list[AnyBlock] = []
     for one in answer.frames:
@@ -117,7 +117,14 @@ def _scanners(answer: "SessionAnswer", *, believed: bool) -> "list[AnyBlock]":
         if one.outof == "laser" and one.scanner and known:
             frame = RigidTransform.from_rounded(one.matrix, "tool0" if one.into == "tool0" else "base", "laser")
             covariance = one.covariance if believed else None
-            found.append(frame_block(answer.pose_convention, frame, covariance, title=scanner_title(one)))
+            found.append(
+                frame_block(
+                    answer.pose_convention,
+                    frame,
+                    covariance,
+                    title=scanner_title(one.into, one.outof, one.scanner),
+                )
+            )
     return found
 
 

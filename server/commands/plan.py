@@ -131,7 +131,7 @@ def _edge(edge: "PlannedEdge") -> list[str]:
     known = [
         f"± {value:.3g} {unit}" for value, unit in ((edge.position_mm, "mm"), (edge.orientation_deg, "°")) if value
     ]
-    return [f"  {edge.name}: {', '.join(known)}".rstrip(": "), *(f"    {one}" for one in edge.open)]
+    return [f"  {edge.title}: {', '.join(known)}".rstrip(": "), *(f"    {one}" for one in edge.open)]
 
 
 def _capture(one: "PlannedCapture") -> str:

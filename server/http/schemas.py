@@ -16,14 +16,16 @@ from calib_core.records import (
     StageName,
     Verdict,
 )
+from calib_core.records.described import DescribedCell
 from calib_core.records.policy import Environment
 
 
 class SimulatedCell(Record):
-    """The simulated cell as a session's device."""
+    """The simulated cell as a session's device: a named one, or one that is described by its edges."""
 
     scenario: str = "tcp"
     seed: int = Field(default=1, ge=0, lt=2**31)
+    cell: DescribedCell | None = None
 
 
 class SessionRequest(Record):

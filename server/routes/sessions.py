@@ -77,8 +77,9 @@ def create(body: SessionRequest, idempotency: IdempotencyDep, store: StoreDep) -
     record = {name: value for name, value in body.to_json().items() if name not in STORE_FIELDS}
     simulated = None
     if body.simulated is not None:
-        simulated = body.simulated.model_dump()
-        device = simulated_session(body.simulated.scenario, body.simulated.seed).session
+        simulated = body.simulated.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+        simulated |= {"scenario": body.simulated.scenario, "seed": body.simulated.seed}
+        device = simulated_session(simulated).session
         record = {**device.to_json(), **record, "captures": []}
     elif record.get("captures"):
         raise InputError("a session without captures", "some", "Send each capture by itself.", "captures")

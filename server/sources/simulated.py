@@ -1,5 +1,6 @@
 """The simulated cell as a source of captures."""
 
+import json
 import re
 import zlib
 from collections.abc import Collection, Mapping
@@ -39,8 +40,8 @@ def take(occasion: Occasion) -> Taken:
     if not device:
         raise ConflictError("a session of the simulated cell", "one of a real cell", "Upload captures to it.")
     if chosen.again:
-        return capture_again(device["scenario"], device["seed"], occasion.taken, chosen.again)
-    return next_capture(device["scenario"], device["seed"], occasion.taken, chosen.step)
+        return capture_again(device, occasion.taken, chosen.again)
+    return next_capture(device, occasion.taken, chosen.step)
 
 
 SOURCE = Source(
@@ -52,27 +53,39 @@ SOURCE = Source(
 )
 
 
-@lru_cache(maxsize=8)
-def simulated_session(scenario: str, seed: int) -> "SimulatedSession":
-    """Return everything that a simulated cell will deliver; the same for the same seed.
+def simulated_session(device: Mapping[str, Any]) -> "SimulatedSession":
+    """Return everything that a simulated cell will deliver, by what its session keeps of it; one seed, one cell.
 
     Raises
     ------
     InputError
-        If there is no such scenario.
+        If there is no such scenario, or the edges that are described form no tree.
     """
-    from calib_core.simulation import simulate
+    told = device.get("cell")
+    return _simulated(str(device["scenario"]), int(device["seed"]), told and json.dumps(told))
 
-    return simulate(scenario, seed)
+
+@lru_cache(maxsize=8)
+def _simulated(scenario: str, seed: int, described: str | None) -> "SimulatedSession":
+    from calib_core.simulation import simulate, simulate_described
+
+    if described is None:
+        return simulate(scenario, seed)
+    from calib_core.cell.described import cell_of
+    from calib_core.records.described import DescribedCell
+
+    told = DescribedCell.model_validate_json(described)
+    cell_of(told, pose_convention="matrix")
+    return simulate_described(told, "described", seed)
 
 
 def truth_of(device: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a session's simulated cell knows of itself, by what the session keeps of it."""
-    return simulated_session(str(device["scenario"]), int(device["seed"])).truth
+    return simulated_session(device).truth
 
 
 def next_capture(
-    scenario: str, seed: int, taken: Collection[str], step: str | None = None
+    device: Mapping[str, Any], taken: Collection[str], step: str | None = None
 ) -> tuple[Capture, dict[str, bytes]]:
     """Return the simulated cell's next capture, of `step` where one is named, and its files by name.
 
@@ -81,7 +94,7 @@ def next_capture(
     ConflictError
         If all of them were taken.
     """
-    simulated = simulated_session(scenario, seed)
+    simulated = simulated_session(device)
     left = [capture for capture in simulated.session.captures if capture.id not in taken]
     for capture in left:
         if step in (None, capture.step):
@@ -90,7 +103,7 @@ def next_capture(
         from calib_core.simulation import another
 
         number, name = next((n, name) for n in count(1) if (name := f"{step}{n:02d}") not in taken)
-        if found := another(simulated, step, name, seed + _ANOTHER * number):
+        if found := another(simulated, step, name, device["seed"] + _ANOTHER * number):
             return found
     raise ConflictError(
         "a capture that the simulated cell has not delivered yet",
@@ -102,7 +115,7 @@ def next_capture(
 
 
 def capture_again(
-    scenario: str, seed: int, taken: Collection[str], capture: str
+    device: Mapping[str, Any], taken: Collection[str], capture: str
 ) -> tuple[Capture, dict[str, bytes]]:
     """Return a capture that the simulated cell takes again under a name of its own, and its files by name.
 
@@ -117,4 +130,4 @@ def capture_again(
     from calib_core.simulation import retake
 
     place = zlib.crc32(first.encode())
-    return retake(simulated_session(scenario, seed), first, name, seed + place + number)
+    return retake(simulated_session(device), first, name, device["seed"] + place + number)

@@ -252,9 +252,9 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
 )
 def test_a_simulated_cell_takes_more_of_a_step_under_names_of_their_own(scenario: str, steps: list[str]) -> None:
     """What the page asks for where an answer is usable alone is never refused."""
-    taken = {capture.id for capture in simulated_cell(scenario, 7).session.captures}
+    taken = {capture.id for capture in simulated_cell({"scenario": scenario, "seed": 7}).session.captures}
     for step in [*steps, *steps]:
-        capture, files = next_capture(scenario, 7, taken, step)
+        capture, files = next_capture({"scenario": scenario, "seed": 7}, taken, step)
         assert capture.id not in taken
         assert (capture.step, sorted(capture.files)) == (step, sorted(files))
         taken.add(capture.id)

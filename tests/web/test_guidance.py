@@ -30,8 +30,8 @@ def page(profile: SharedProfile) -> Page:
 
 def test_a_cell_is_planned_from_the_start_page(page: Page, watch: Watch, address: str, axe: str) -> None:
     page.goto(f"{address}/")
-    page.get_by_role("button", name="Plan a cell").click()
-    dialog = page.get_by_role("dialog", name="Plan a cell")
+    page.get_by_role("button", name="Plan or simulate a cell").click()
+    dialog = page.get_by_role("dialog", name="Plan or simulate a cell")
     dialog.get_by_label("Sphere diameter, mm").fill("30")
     dialog.get_by_label("Wanted ± at the workpiece, mm").fill("0,3")
     dialog.get_by_role("button", name="Plan", exact=True).click()

@@ -3,7 +3,7 @@
 import "../texts/later.js";
 import { closeButton, openDialog } from "../components/dialog.js";
 import { field, h, style } from "../dom.js";
-import { inField, typedNumber } from "../format.js";
+import { fixed, inField, typedNumber } from "../format.js";
 import { t } from "../texts.js";
 
 style("guidance");
@@ -31,6 +31,11 @@ export function choice(id, label, choices) {
   const select = h("select", {}, ...choices.map(([value, words]) => h("option", { value }, words)));
   return { element: field(id, label, select), select };
 }
+
+/** Where axes stand, by name. @param {{ axes_deg?: Record<string, number> | null | undefined, axes_mm?: Record<string, number> | null | undefined }} of */
+export const axesWords = ({ axes_deg, axes_mm }) => [
+  ...Object.entries(axes_deg ?? {}).map(([name, value]) => `${name} ${fixed(value, 1)}°`),
+  ...Object.entries(axes_mm ?? {}).map(([name, value]) => `${name} ${fixed(value, 1)} mm`)].join(", ");
 
 /** @param {readonly string[]} heads @param {readonly (readonly (string | Element)[])[]} rows @param {string} label */
 export function tableOf(heads, rows, label) {

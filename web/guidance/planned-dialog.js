@@ -7,7 +7,7 @@ import { fixed, forController, plusMinus } from "../format.js";
 import { maybe, t } from "../texts.js";
 import { attempt, notify } from "../components/toasts.js";
 import { alarm, saveFile } from "../components/dialog.js";
-import { choice, numberField, opened, tableOf } from "./parts.js";
+import { axesWords, choice, numberField, opened, tableOf } from "./parts.js";
 
 /** @import {PoseList} from "../api-types.js" */
 
@@ -62,8 +62,6 @@ function listed(plan) {
  * @returns {string} where table and axes are to stand, and whose capture of which sphere it is
  */
 function axesOf(pose) {
-  const turns = Object.entries(pose.axes_deg ?? {}).map(([name, value]) => `${name} ${fixed(value, 1)}°`);
-  const shifts = Object.entries(pose.axes_mm ?? {}).map(([name, value]) => `${name} ${fixed(value, 1)} mm`);
   const table = [pose.table_deg == null ? "" : `${fixed(pose.table_deg, 1)}°`, pose.higher_mm ? `${fixed(pose.higher_mm, 0)} mm` : ""];
-  return [...table, ...turns, ...shifts, pose.scanner ?? "", pose.mount ?? ""].filter(Boolean).join(", ") || "–";
+  return [...table, axesWords(pose), pose.scanner ?? "", pose.mount ?? ""].filter(Boolean).join(", ") || "–";
 }

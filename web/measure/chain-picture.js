@@ -10,7 +10,7 @@ await style("chain");
 /** @import {Cell} from "../api-types.js" */
 /** @import {Kind, Part} from "./chain.js" */
 
-const COLUMN = 132, ROW = 44, WIDTH = 116, HEIGHT = 32;
+const COLUMN = 132, ROW = 44, WIDTH = 116, HEIGHT = 32, INDENT = 24;
 /** @type {readonly (readonly [Kind, string])[]} */
 const NEW = [["scanner", "scanner"], ["ball", "ball"], ["rotary", "axis"], ["linear", "rail"]];
 
@@ -20,14 +20,22 @@ export class ChainPictureElement extends HTMLElement {
   #selected = "";
   #turntable = false;
   #cell = /** @type {Partial<Cell>} */ ({});
-  #picture = s("svg", { role: "group", "aria-label": t("chain.label"), onkeydown: (/** @type {KeyboardEvent} */ event) => this.#key(event) });
+  #isNarrow = false;
+  #picture = s("svg", { role: "group", "aria-label": t("chain.label"), "aria-describedby": "chain-hint", onkeydown: (/** @type {KeyboardEvent} */ event) => this.#key(event) });
   #fields = h("div", { class: "chain-part", "aria-live": "polite" });
 
   connectedCallback() {
     if (this.firstChild) return;
     const add = NEW.map(([kind, stem]) => h("button", { type: "button", onclick: () => this.#add(kind, stem) }, t(/** @type {"chain.add_ball"} */ (`chain.add_${kind}`))));
-    this.append(h("p", { class: "hint soft small" }, t("chain.hint")), this.#picture, h("div", { class: "row" }, ...add), this.#fields);
+    this.append(h("p", { id: "chain-hint", class: "hint soft small" }, t("chain.hint")), this.#picture, h("div", { class: "row" }, ...add), this.#fields);
     this.#draw();
+    new ResizeObserver(() => { if (this.#isNarrow !== this.#needsRows()) this.#draw(); }).observe(this);
+  }
+
+  /** Whether parts side by side would be too small to read. */
+  #needsRows() {
+    const widest = Math.max(...[...this.#places(false).places.values()].map(({ x }) => x)) + WIDTH;
+    return this.clientWidth > 0 && this.clientWidth < 0.8 * widest;
   }
 
   /** @param {Partial<Cell>} cell */
@@ -72,15 +80,17 @@ export class ChainPictureElement extends HTMLElement {
     for (const one of this.#picture.querySelectorAll("[tabindex='0']")) /** @type {SVGElement} */ (one).focus();
   }
 
-  /** Each part below what carries it: its column is how far it is from base, its row the place among the leaves. */
-  #places() {
+  /** Each part beside what carries it: its column is how far it is from base, its row the place among the leaves; where that is too wide, a row each. @param {boolean} narrow */
+  #places(narrow) {
     /** @type {Map<string, { x: number, y: number }>} */
     const places = new Map();
     let row = 0;
     const put = (/** @type {Part} */ part, /** @type {number} */ column) => {
       const carried = this.#parts.filter(({ on }) => on === part.id);
       const first = row;
+      if (narrow) places.set(part.id, { x: 4 + column * INDENT, y: 4 + row++ * ROW });
       for (const one of carried) put(one, column + 1);
+      if (narrow) return;
       if (!carried.length) row++;
       places.set(part.id, { x: 4 + column * COLUMN, y: 4 + ((first + Math.max(row - 1, first)) / 2) * ROW });
     };
@@ -89,7 +99,8 @@ export class ChainPictureElement extends HTMLElement {
   }
 
   #draw() {
-    const { places, rows } = this.#places();
+    this.#isNarrow = this.#needsRows();
+    const { places, rows } = this.#places(this.#isNarrow);
     const width = Math.max(...[...places.values()].map(({ x }) => x), 0) + WIDTH + 4, height = rows * ROW;
     this.#picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
     this.#picture.style.maxWidth = `${width}px`;
@@ -103,6 +114,7 @@ export class ChainPictureElement extends HTMLElement {
   #link(part, places) {
     const from = places.get(part.on), to = places.get(part.id);
     if (!from || !to) return [];
+    if (this.#isNarrow) return [s("path", { class: "link", d: `M${from.x + INDENT / 2} ${from.y + HEIGHT}V${to.y + HEIGHT / 2}H${to.x}`, "aria-hidden": "true" })];
     const x = from.x + WIDTH, middle = (x + to.x) / 2, y = from.y + HEIGHT / 2, end = to.y + HEIGHT / 2;
     return [s("path", { class: "link", d: `M${x} ${y} C${middle} ${y} ${middle} ${end} ${to.x} ${end}`, "aria-hidden": "true" })];
   }
