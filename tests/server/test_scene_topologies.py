@@ -47,3 +47,35 @@ def test_balls_of_a_linear_axis_stand_where_it_brought_them() -> None:
     assert sum(name.startswith("/places/") and name.endswith("/sphere") for name in nodes) > 8
     assert all("\u202fmm" in place.read for place in facts.table.places)
     assert not any(name.startswith("/circles/") for name in nodes)
+
+
+def test_every_axis_is_drawn_where_it_is_and_called_by_its_name() -> None:
+    facts, nodes, truth = drawn("rail-positioner")
+    assert facts.table is not None
+    assert (facts.table.axis, facts.table.title) == ("turn", "Rotary axis turn")
+    assert {(axis.name, axis.under_robot) for axis in facts.axes} == {("rail", True), ("tilt", False)}
+    true = {axis["name"]: axis for axis in truth["axes"]}
+    for name, node in (("rail", "/base/axis-rail"), ("tilt", "/table/axis-tilt")):
+        start, end = 1000.0 * nodes[node].arguments["points"][0]
+        along = (end - start) / np.linalg.norm(end - start)
+        assert abs(along @ np.array(true[name]["axis_direction"])) > 0.9999
+        assert nodes[f"{node}-name"].arguments["text"] == name
+    point = np.array(true["tilt"]["axis_point_mm"]) - start
+    assert np.linalg.norm(point - along * (point @ along)) < 1.0  # the tilt's line, in base
+    # The arm stands where the rail brought it, and reads are told of axes under the object alone.
+    feet = [one.base_from_foot.translation_mm for one in facts.captures]
+    assert np.ptp(feet, axis=0).max() > 300.0
+    np.testing.assert_allclose(1000.0 * nodes["/arm/links"].arguments["points"][0][0], feet[-1], atol=0.1)
+    assert all(place.read.startswith("tilt ") and "rail" not in place.read for place in facts.table.places)
+
+
+def test_one_capture_shows_an_axis_as_it_stood() -> None:
+    facts, _, _ = drawn("positioner")
+    assert facts.table is not None
+    place = facts.table.places[0]
+    (capture,) = (one for one in facts.captures if one.id == place.capture)
+    center = capture.sphere_center_in_base_mm
+    assert center is not None
+    np.testing.assert_allclose(center, place.center_in_base_mm, atol=0.5)
+    nodes = draw(facts, look_at(facts, capture.id, alone=True))
+    assert nodes["/turned/angle"].arguments["text"] == place.read

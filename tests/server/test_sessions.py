@@ -187,3 +187,20 @@ def test_a_repeated_post_makes_one_session(client: httpx.Client) -> None:
     assert len(client.get("/sessions", params={"search": "once only"}).json()["items"]) == 1
     other = client.post("/sessions", json={**body, "name": "other"}, headers=key)
     assert_problem(other, 409, "Idempotency-Key")
+
+
+def test_a_described_cell_is_simulated_as_its_edges_say(client: httpx.Client) -> None:
+    cell = {"scanners": {"gate": {"on": "base"}}, "axes": [{"name": "turn", "kind": "rotary"}]}
+    made = client.post("/sessions", json={"simulated": {"scenario": "described", "seed": 3, "cell": cell}})
+    assert made.status_code == 201, made.text
+    path = f"/sessions/{made.json()['id']}"
+    assert [axis["name"] for axis in made.json()["cell"]["axes"]] == ["turn"]
+    for _ in range(2):
+        assert client.post(f"{path}/sources/simulated/capture").json()["measured"]["verdict"] != "fail"
+    assert client.get(f"{path}/guide").json()["steps"][2]["title"] == "Scanner in base"
+    for wrong, word in (
+        ({"axes": [{"name": "turn", "kind": "rotary", "on": "turn"}]}, "turn"),
+        ({"scanners": {"gate": {"on": "base"}}, "spheres": [{"name": "ball", "on": "base"}]}, "gate"),
+    ):
+        refused = client.post("/sessions", json={"simulated": {"cell": wrong}})
+        assert_problem(refused, 422, word)

@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 from calib_core.optics.board_print import board_sheet, sheet_pdf, sheet_svg
 from calib_core.records import Board
 from calib_core.simulation import require_scenario
+from tests.server.live_server import simulated_session, wait_for
 
 Open = Callable[..., tuple[Page, object]]
 
@@ -109,3 +110,54 @@ def test_the_page_lists_simulated_cells_that_there_are(open_page: Open) -> None:
     page.get_by_label("Another simulated cell").select_option("rail-positioner")
     page.get_by_role("button", name="Start", exact=True).click()
     page.wait_for_url(re.compile(r"/sessions/"))
+
+
+def test_a_cell_is_planned_and_simulated_by_its_edges(open_page: Open, address: str, axe: str) -> None:
+    page, _ = open_page("/", width=390)
+    page.get_by_role("button", name="Plan or simulate a cell").click()
+    dialog = page.get_by_role("dialog", name="Plan or simulate a cell")
+    dialog.locator("summary", has_text="Chain of the cell").click()
+    dialog.get_by_role("button", name="Add rotary axis").click()
+    dialog.get_by_role("button", name="Add scanner", exact=True).click()
+    dialog.get_by_label("Stands on").select_option("base")
+    box = dialog.get_by_role("button", name="Scanner scanner2, on Base").bounding_box()
+    assert box is not None
+    assert box["height"] >= 24  # a finger's width, on a phone too
+    dialog.get_by_role("button", name="Plan", exact=True).click()
+    known = dialog.get_by_role("table").filter(has=page.get_by_text("Known by these captures"))
+    for title in ("Scanner scanner1 on the flange", "Scanner scanner2 in base", "Rotary axis axis1"):
+        row = known.get_by_role("row", name=title)
+        expect(row).to_contain_text(re.compile(r"±\s*[\d.]+\s*mm.*±\s*[\d.]+\s*°"), timeout=120_000)
+    page.evaluate(axe)
+    found = page.evaluate("axe.run('dialog', {resultTypes: ['violations']}).then((r) => r.violations)")
+    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+    dialog.get_by_role("button", name="Simulate this cell").click()
+    page.wait_for_url(re.compile(r"/sessions/"))
+    expect(page.locator("[data-step=turntable]")).to_contain_text("Rotary axis axis1")
+    session = page.url.rsplit("/", 1)[1].partition("#")[0]
+    cell = httpx.get(f"{address}/api/v1/sessions/{session}", trust_env=False).json()["cell"]
+    assert {name: one["on"] for name, one in cell["scanners"].items()} == {"scanner1": "tool0", "scanner2": "base"}
+    assert [(axis["name"], axis["kind"]) for axis in cell["axes"]] == [("axis1", "rotary")]
+
+
+def test_an_export_asks_what_the_answer_has(open_page: Open, address: str) -> None:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
+        for scenario, labels, scanners in (
+            ("fixed-scanner", ["User frame of a scanner that stands still"], []),
+            (
+                "scanners-on-flange-and-base",
+                ["Scanner", "Tool in the controller", "User frame of a scanner that stands still"],
+                ["all", "arm", "gate"],
+            ),
+        ):
+            session = simulated_session(api, captures=28 if scanners else 14, scenario=scenario)
+            assert wait_for(api, api.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
+            page, _ = open_page(f"/sessions/{session}#tcp.result")
+            page.locator(".export-menu").select_option("abb")
+            dialog = page.get_by_role("dialog", name=re.compile("ABB"))
+            expect(dialog.locator("label")).to_have_text(labels)
+            assert dialog.locator("option").all_inner_texts() == scanners
+            with page.expect_download() as download:
+                dialog.get_by_role("button", name="Save file").click()
+            written = Path(download.value.path()).read_text(encoding="utf-8")
+            assert ("PERS tooldata" in written, "PERS wobjdata fScanner" in written) == (bool(scanners), True)
