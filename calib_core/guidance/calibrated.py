@@ -12,6 +12,7 @@ from calib_core.chain.scanner import NAMES
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.guidance.arm_share import ArmShare
+from calib_core.messages import message
 from calib_core.records.results import LeftInFiles, OpticsShift
 
 
@@ -91,7 +92,11 @@ class Calibrated:
             point = (mount.inverse() @ placed_table(result)).apply(np.mean(spheres, axis=0)).tolist()
         if point is None:
             where = f"results/{result.get('stage')}.json: workpiece"
-            raise InputError("where the scanner sees the workpiece", "nothing", "Solve the session again.", where)
+            got, to_do = "nothing", "Solve the session again."
+            if result.get("up_to_shift"):
+                got = message("a place that the captures leave open")
+                to_do = message("Do what the result says of what is not determined.")
+            raise InputError("where the scanner sees the workpiece", got, to_do, where)
         names = tuple(NAMES.index(name) for name in scanner["names"])
         count = len(names)
         covariance = np.zeros((12 + count, 12 + count))

@@ -70,6 +70,7 @@ def test_a_merge_stores_its_cloud_and_its_mesh_in_every_format(client: httpx.Cli
 
     session = scanned_session(client, mesh="grid")
     assert_problem(client.get(f"/sessions/{session}/clouds/merged.ply"), 404, "solve/merge")
+    assert_problem(client.get(f"/sessions/{session}/exports/ply"), 422, "clouds/merged.ply")
     result = merged(client, session)
     assert (result["cloud"], result["mesh"]) == ("clouds/merged.ply", "clouds/mesh.ply")
 
