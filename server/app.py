@@ -38,8 +38,7 @@ from server.jobs.measuring_processes import Measuring
 from server.jobs.page_process import PageProcess
 from server.jobs.processes import replace_all
 from server.live.armed_table import ArmedTables
-from server.live.in_scene import follow_robot
-from server.live.manager import LiveCells
+from server.live.manager import LiveCells, follow_robot
 from server.live.robot_port import RobotPorts
 from server.metrics import Metrics
 from server.routes import all_routers

@@ -3,9 +3,8 @@
 from calib_core.captures.advice import arc_findings
 from calib_core.captures.capture_observation import Seen
 from calib_core.captures.content import diameter_in_sight_mm, pose_of, shows_board, shows_sphere, thinned
-from calib_core.captures.figures import figures_of
 from calib_core.captures.lost_rays import lost_rays
-from calib_core.captures.measured import measured_of, not_seen
+from calib_core.captures.measured import figures_of, measured_of, not_seen
 from calib_core.captures.observe import doubts_of, points_of, see_sphere
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding, measured_with

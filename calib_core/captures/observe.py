@@ -2,6 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
+from typing import Literal
 
 import numpy as np
 
@@ -13,15 +14,18 @@ from calib_core.captures.raw_frames import of_frames
 from calib_core.cell.axes import read_axes
 from calib_core.cell.carriers import carriers_of, scanner_name, scanner_names, scanner_told
 from calib_core.chain.observations import SphereObservation
-from calib_core.errors import MeasurementError
+from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.formats.format import Reading
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell, Session
 from calib_core.records.callbacks import ReadFile
-from calib_core.sphere.arc import ArcFit, fit_arc
+from calib_core.sphere.arc import ArcFit, fit_arc, without_rim
 from calib_core.sphere.cloud import SphereFit, fit_sphere
-from calib_core.sphere.rim import without_rim
+from calib_core.steps import steps_that_show
+
+_ENOUGH, _MOST_READ = 5, 12
+_CLEAR = 0.2  # of the radius: how far before its centre the middle of the seen part must lie
 
 CENTER_SIGMA_MM = 0.02
 """Taken for centres that a scanner reports without saying how exact they are."""
@@ -173,3 +177,31 @@ def _named(capture: Capture) -> Generator[None]:
         yield
     except MeasurementError as error:
         raise error.at(capture.files[0]) from None
+
+
+def side_of_ball(session: Session, read: ReadFile) -> Literal[1, -1] | None:
+    """Return 1 where captures of the ball show z growing away from the scanner, −1 where toward it.
+
+    None where there are none, where they do not agree, or where `z_axis` was told of every scanner.
+    """
+    steps = steps_that_show("sphere", "sphere-on-table")
+    every = [c for c in session.captures if c.step in steps and c.kind != "center" and not c.excluded]
+    captures = [c for c in every if scanner_told(session.cell, c).z_axis is None]
+    sides: list[int] = []
+    for capture in captures[:_MOST_READ]:
+        try:
+            seen = see_sphere(session, capture, read)
+        except CalibrationError:
+            continue  # its own stage says what is wrong with it
+        fit = seen.fit
+        if isinstance(fit, ArcFit):
+            sides.append(fit.visible_side)
+        else:
+            before = float(fit.center_mm[2] - np.mean(seen.points[seen.on_sphere, 2]))
+            if abs(before) > _CLEAR * fit.radius_mm:
+                sides.append(1 if before > 0 else -1)
+        if len(sides) == _ENOUGH:
+            break
+    if not sides or len(set(sides)) > 1:
+        return None
+    return 1 if sides[0] > 0 else -1

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from calib_core.errors import InputError
 from calib_core.graph.keys import inputs_sha256, stage_captures
 from calib_core.graph.registry import STAGES
 from calib_core.graph.stage_input import StageInput
@@ -65,3 +66,22 @@ def camera_segments(camera: CameraModel) -> list[CameraSegment]:
         CameraSegment(near_mm=s.near_mm, far_mm=s.far_mm, distortion=name_distortion(s.distortion))
         for s in camera.segments
     ]
+
+
+def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResult | None]:
+    """Return the session's camera, and the result it comes from if it was solved; raises as `calibration_of`."""
+    known = session.cell.known.camera
+    if known is not None:
+        return CameraModel.from_known(known), None
+    require_captures_of(session, "camera", "the camera", "cell.known.camera")
+    result = solve_once(session, read, CameraResult)
+    return camera_from_result(result), result
+
+
+def require_captures_of(session: Session, stage: StageName, what: str, known: str) -> None:
+    """Raise InputError where a session has no captures that a stage takes, of which frames need the result."""
+    if not any(not capture.excluded for capture in stage_captures(session, stage)):
+        got = "neither {known} nor captures with step '{stage}'"
+        to_do = "Capture the board for '{stage}', or bring {known}."
+        need = "{what} to turn frames into points"
+        raise InputError(need, got, to_do, "session.json", what=what, known=known, stage=stage)

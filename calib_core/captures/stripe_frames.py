@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.boards import read_frame
-from calib_core.captures.camera_source import camera_of, require_captures_of
 from calib_core.captures.lost_rays import SeenPoints
-from calib_core.captures.solved_optics import camera_from_result, solve_once
+from calib_core.captures.solved_optics import camera_from_result, camera_of, require_captures_of, solve_once
 from calib_core.errors import InputError
 from calib_core.messages import plural
 from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.content import diameter_in_sight_mm, shows_sphere, sphere_of, thinned
-from calib_core.captures.figures import figures_of
 from calib_core.captures.lost_rays import SeenPoints, lost_rays
-from calib_core.captures.measured import measured_of, not_seen
+from calib_core.captures.measured import figures_of, measured_of, not_seen
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.observe import arc_observation, point_settings
 from calib_core.captures.standstill import standstill_findings, still_of

@@ -12,13 +12,14 @@ import numpy as np
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_lengths import ArmLengths, arm_lengths_error
 from calib_core.chain.chain_data import ChainData, Sigmas
-from calib_core.chain.held_poses import as_told
 from calib_core.chain.likelihood import ChainLinearisation, fit, linearised_at
 from calib_core.chain.model import ChainState
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import COUNT, NAMES, incidence_shapes
 from calib_core.chain.without_turns import without_exact
 from calib_core.frames import FloatArray, skew
+
+_CHANCE_EACH = 0.8  # of χ² for each unknown: errors that are alike over some captures alone stay below
 
 _SIGNIFICANT = 4.0
 # Real arcs are bent by some tenths of a per cent for other reasons; scanners that are wrong are wrong by more.
@@ -320,3 +321,36 @@ def _with_arm(lengths: ArmLengths | None, errors: list[ScannerError]) -> list[Sc
         return errors
     arm = ScannerError("arm_scale", lengths.share, lengths.sigma)
     return [arm, *(e for e in errors if e.name not in ("scale_x", "scale_z"))]
+
+
+def as_told(data: ChainData, state: ChainState, sigmas: Sigmas) -> tuple[ChainState, FloatArray] | None:
+    """Return the answer that is best with the poses as told, and the step (P,) to it; None where it is this one.
+
+    Parameters
+    ----------
+    data : ChainData
+    state : ChainState
+        The most likely one, in which captures share errors of the arm.
+    sigmas : Sigmas
+    """
+    if not sigmas.is_alike:
+        return None
+    own = Sigmas(
+        float(np.hypot(sigmas.position_mm, sigmas.alike_position_mm)),
+        float(np.hypot(sigmas.orientation_rad, sigmas.alike_orientation_rad)),
+        sigmas.axes,
+    )
+    alone, begin = replace(data, arm_scale_sigma=0.0, drift_sigma_mm=0.0), replace(state, shared=None)
+    best = fit(alone, begin, own)
+    gained = 2 * (linearised_at(alone, begin, own).cost - best.at.cost)
+    share = 1 - (_CHANCE_EACH * data.free_unknowns / max(gained, 1e-12)) ** 4
+    if share <= 0 or not best.converged:
+        return None
+    step = share * state.step_to(best.state)
+    scanner = state.scanner + share * (best.state.scanner - state.scanner)
+    shared = state.shared
+    if data.arm_means is not None and shared is not None and best.state.shared is not None:
+        many, shared = len(data.arm_means), shared.copy()  # the arm's own errors move along
+        shared[-many:] += share * (best.state.shared[-many:] - shared[-many:])
+    position = state.position.moved(data.walk.layout, step)
+    return replace(state, position=position, scanner=scanner, shared=shared), step

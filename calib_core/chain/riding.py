@@ -13,8 +13,7 @@ from calib_core.cell.layout import MovedAxis
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.table_given import TurntableOptions
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
-from calib_core.chain.tcp_solution import TcpSolution
+from calib_core.chain.tcp_solution import TcpOptions, TcpSolution
 
 
 def by_riding(

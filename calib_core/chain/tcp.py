@@ -31,20 +31,20 @@ from calib_core.chain.observations import (
     with_own_sigmas,
 )
 from calib_core.chain.paper import by_paper
-from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, judge_from, with_doubted_priors, with_more_spread
+from calib_core.chain.rejection import Judged, judge_from, rejection_reasons, with_doubted_priors, with_more_spread
 from calib_core.chain.scanner import corrected as without_errors
 from calib_core.chain.several_starts import main_balls, moving_axes, starts_of, together, with_other_balls
 from calib_core.chain.sides import likeliest_sides
 from calib_core.chain.start import centers_of
-from calib_core.chain.tcp_given import TcpGiven, TcpOptions
 from calib_core.chain.tcp_solution import (
     BesideModel,
     EachCapture,
     InView,
     LeftOpen,
     SidesChosen,
+    TcpGiven,
     TcpNoise,
+    TcpOptions,
     TcpSolution,
     TwoStep,
 )

@@ -38,8 +38,7 @@ from calib_core.chain.observations import (
     pooled_point_sigma,
     with_own_sigmas,
 )
-from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, with_more_spread
+from calib_core.chain.rejection import Judged, rejection_reasons, with_more_spread
 from calib_core.chain.table_captures import corrected_table, table_with_effective_points, with_table_sigmas
 from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance

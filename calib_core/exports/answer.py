@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
-from calib_core.captures.certificate_dates import overdue_certificates
+from calib_core.captures.certificate import overdue_certificates
 from calib_core.cell.carriers import scanner_name
 from calib_core.cell.found import answering, of_scanner, placed_table, scanner_answered, table_seen
 from calib_core.errors import ConflictError, InputError

@@ -2,7 +2,8 @@
 
 import json
 from collections.abc import Collection, Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 from pydantic import ValidationError
@@ -12,7 +13,6 @@ from calib_core.archive.stored_clouds import media_types
 from calib_core.cell.found import SCANNER_FRAMES, placed_table, scanner_answered, scanner_frame, table_seen
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
-from calib_core.exports.controller import POSES, for_poses
 from calib_core.exports.entry import Export, Settings
 from calib_core.exports.registry import all_exports, export_named
 from calib_core.exports.writing import marked
@@ -20,10 +20,13 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import to_pose
-from calib_core.records import Record, Session
+from calib_core.records import Record, ResultsData, Session
 from calib_core.records.faults import OF_RESULTS
 from calib_core.records.field_errors import input_error
 from calib_core.steps import table_stages
+
+POSES: Final = "poses"
+"""The setting of every export that says with which poses it will be used: "controller" or "corrected"."""
 
 _ORDER = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
 _STEP_RAD, _STEP_MM = 1e-5, 1e-2
@@ -225,3 +228,30 @@ def _in_convention(name: str, tool: RigidTransform, covariance: FloatArray) -> d
         "formula": convention.formula,
         "controllers": convention.brands,
     }
+
+
+def for_poses(answer: Answer, poses: str) -> Answer:
+    """Return an answer whose frames are the best with such poses; raises InputError where there are none such."""
+    if poses not in ("controller", "corrected"):
+        to_do = "Name one of these."
+        raise InputError("poses 'controller' or 'corrected'", "'{poses}'", to_do, POSES, poses=poses)
+    model = answer.results.get(answer.stage, {}).get("arm_model")
+    if poses == "corrected" or not model or not model.get("applied"):
+        return answer
+    found = dict(answer.results[answer.stage])
+    found["arm_model"] = {**model, "applied": False}
+    found["frames"] = [f for f in found.get("frames") or () if f["outof"] not in ("laser", "turntable")]
+    for frame in model.get("controller") or ():
+        into, outof, covariance = frame["into"], frame["outof"], np.array(frame["covariance"], dtype=float)
+        found[f"{into}_from_{outof}"] = frame["matrix"]
+        found["frames"].append(frame)
+        if outof == "turntable":
+            table = RigidTransform.from_rounded(frame["matrix"], "base", "turntable")
+            answer = replace(answer, base_from_turntable=table, table_covariance=covariance)
+            found["turntable_covariance"] = frame["covariance"]
+        else:
+            tool = RigidTransform.from_rounded(frame["matrix"], into, "laser")
+            answer = replace(answer, mount_from_laser=tool, tool_covariance=covariance)
+            found["covariance"] = frame["covariance"]
+    results: ResultsData = {**answer.results, answer.stage: found}
+    return replace(answer, results=results)

@@ -20,11 +20,33 @@ from calib_core.fusion.scatter import Scatter, scatter
 from calib_core.fusion.self_calibration import SelfCalibration, self_calibration
 from calib_core.messages import message
 
+_CELLS_ACROSS = 40.0
+"""Of the largest scan: voxels in which an arrangement that is nearly right makes pairs."""
+
 Progress = Callable[[float, str], None]
 
 _ONE_SURFACE = 3.0  # times the scans' distance: surfaces nearer to each other than that are one
 _LEAST_APART = 0.05  # of a patch
 _POISSON_BYTES = 1000  # a point, about: the octree and its system of equations
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """How well scans fit together.
+
+    Parameters
+    ----------
+    pairs : int
+        Of patches of different scans that face the same way and lie together.
+    score : float
+        The same, those that lie apart counting less.
+    by_scan : (S,)
+        The pairs of each scan.
+    """
+
+    pairs: int
+    score: float
+    by_scan: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,3 +298,22 @@ def _mesh(grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOpti
         return thinned(mesh, options.mesh_tolerance_mm) if options.mesh_tolerance_mm else mesh, ""
     except CalibrationError as error:
         return None, error.reason
+
+
+def coarse(seen: Patches) -> Patches:
+    """Return patches as large as suits the object, for comparing arrangements."""
+    across = [float(np.ptp(seen.points_mm[mine], axis=0).max()) for mine in seen.rows_of_scans() if len(mine)]
+    size = max(across, default=0.0) / _CELLS_ACROSS
+    return seen.coarser(max(size, seen.size_mm))
+
+
+def fit(seen: Patches, ways: FloatArray | None = None, within: float = 0.5) -> Fit:
+    """Return how well scans fit together, `within` this of a patch, after a transform of each, (S, 4, 4)."""
+    from calib_core.kernels.overlap import pair_sums
+
+    count = len(seen.names)
+    there = seen if ways is None else seen.transformed(ways).in_voxels()
+    none, totals, cut = PoseErrors.none(count), np.zeros((count, 4)), within * seen.size_mm
+    rows = (there.bounds, there.scans, there.points_mm, there.normals, there.variances_mm2)
+    pairs, squares, *_ = pair_sums(*rows, cut, none.common, np.empty((0, 0)), none.own, totals).tolist()
+    return Fit(int(pairs), pairs - squares / cut**2, totals[:, 0])

@@ -3,6 +3,7 @@
 import tempfile
 import weakref
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +12,38 @@ from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import HISTORY_FILE, SESSION_FILE, load_session, save_session, write_result
 from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
-from calib_core.library.results import Results, as_records
-from calib_core.records import Capture, Cell, Finding, Session
+from calib_core.frames import FloatArray
+from calib_core.records import Capture, Cell, Finding, Result, ResultsData, Session
 from calib_core.records.callbacks import Progress, ReadFile
 
 if TYPE_CHECKING:
     from calib_core.exports.answer import Answer
     from calib_core.frame_graph import FoundTransform
     from calib_core.robots.read_back import ReadBack
+
+
+class Results(dict[str, Any]):
+    """Results by stage; `files` has what a merge made, by name."""
+
+    def __init__(self, results: Mapping[str, Any], files: Mapping[str, bytes] | None = None) -> None:
+        super().__init__(results)
+        self.files = files or {}
+
+    def __str__(self) -> str:
+        return "\n\n".join(str(result) for result in self.values()) or "nothing solved"
+
+    def _repr_html_(self) -> str:
+        return "".join(result._repr_html_() for result in self.values())
+
+    @property
+    def points_mm(self) -> FloatArray:
+        """The merged cloud, N×3 in the frame that the merge names; raises KeyError before a merge."""
+        import numpy as np
+
+        from calib_core.archive.stored_clouds import CLOUD_FILE, StoredFile
+
+        stored = StoredFile(BytesIO(self.files[CLOUD_FILE]), CLOUD_FILE)
+        return np.concatenate(list(stored.tables()))[:, :3].astype(float)
 
 
 class OpenSession:
@@ -270,3 +295,17 @@ def _loaded(place: Path) -> OpenSession:
     record, read = load_session(place)
     folder = folder_of(place)
     return OpenSession(record, read, as_records(record, stored_results(folder)), folder)
+
+
+def as_records(session: Session, stored: ResultsData) -> dict[str, Result]:
+    """Return results given as JSON data as records; evidence that an older version did not write is made."""
+    from calib_core.archive.stored_results import result_record
+    from calib_core.stages.evidence import stored_evidence
+    from calib_core.steps import stage_names
+
+    found: dict[str, Result] = {}
+    for stage, data in stored.items():
+        if stage in stage_names():
+            record = result_record(stage).model_validate(data)
+            found[stage] = record.model_copy(update={"evidence": stored_evidence(session, data)})
+    return found

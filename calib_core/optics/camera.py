@@ -13,9 +13,8 @@ from calib_core.optics.adjust import Adjusted, Corners, State
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_choice import QUADRATIC, choose_layout, held_out_errors
 from calib_core.optics.camera_evidence import summarise
-from calib_core.optics.camera_layout import Layout, restart
+from calib_core.optics.camera_layout import Layout, depth_bands, restart
 from calib_core.optics.camera_model import Model
-from calib_core.optics.camera_segments import depth_bands
 from calib_core.optics.camera_solution import CameraSolution, Fit, Misfits
 from calib_core.optics.camera_start import (
     homographies,

@@ -11,8 +11,8 @@ from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.messages import message, templates
 from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_choice import Candidate
+from calib_core.optics.camera_layout import corner_depths
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.camera_segments import corner_depths
 from calib_core.optics.camera_solution import Coverage
 from calib_core.optics.coverage_cells import ENOUGH_COVERED, image_coverage
 from calib_core.optics.extrapolation import extrapolation, projection_sigmas

@@ -3,8 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
-from calib_core.captures.certificate import certificate_findings
-from calib_core.captures.certificate_dates import overdue_certificates
+from calib_core.captures.certificate import certificate_findings, overdue_certificates
 from calib_core.captures.content import pose_of, read_as, sphere_of
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.measure import measure_capture

@@ -20,7 +20,7 @@ from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
-from calib_core.simulation.topology_scans import simulate_with_scans
+from calib_core.simulation.topology_cell import simulate_with_scans
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS, VerifyScenario, verify_options, with_verification

@@ -1,10 +1,14 @@
 """What the simulated camera looks at: a plain plane, a board with its pattern, a sphere."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+Rectangle = tuple[float, float, float, float]
+"""Left, top, right, bottom, mm, from the board's outer corner; y points down the board."""
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -187,7 +191,6 @@ class BoardSurface:
 
     def _printed(self, on_board: FloatArray, blur_px: FloatArray) -> FloatArray:
         """Return how dark the squares and markers of a ChArUco board are: a sum of blurred rectangles."""
-        from calib_core.simulation.printed import charuco_rectangles
 
         widths = [np.sqrt(2) * blur_px * _slope(on_board[..., k]) for k in (0, 1)]
         dark = np.zeros(on_board.shape[:2])
@@ -303,3 +306,43 @@ def _error_function(x: FloatArray) -> FloatArray:
     near = np.abs(x) < _ERF_IS_ONE
     result[near] = erf(x[near])
     return result
+
+
+@lru_cache(maxsize=8)
+def charuco_rectangles(
+    columns: int, rows: int, pitch_mm: float, marker_mm: float, dictionary: str
+) -> tuple[Rectangle, ...]:
+    """Return all that is black, without overlaps.
+
+    The top left square is black; the markers stand in the white ones, numbered row by row.
+    """
+    import cv2
+
+    words = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    cells = words.markerSize + 2
+    rectangles: list[Rectangle] = []
+    marker = 0
+    for row in range(rows):
+        for column in range(columns):
+            left, top = column * pitch_mm, row * pitch_mm
+            if row % 2 == column % 2:
+                rectangles.append((left, top, left + pitch_mm, top + pitch_mm))
+                continue
+            bits = np.asarray(cv2.aruco.generateImageMarker(words, marker, cells)) > 0
+            marker += 1
+            inset = (pitch_mm - marker_mm) / 2
+            rectangles += [
+                (left + inset + a, top + inset + b, left + inset + c, top + inset + d)
+                for a, b, c, d in _black_runs(bits, marker_mm / cells)
+            ]
+    return tuple(rectangles)
+
+
+def _black_runs(white: np.ndarray, cell_mm: float) -> list[Rectangle]:
+    """Return the black cells of a marker, those that stand beside each other as one rectangle."""
+    runs: list[Rectangle] = []
+    for row, line in enumerate(white):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], ~line, [0]]).astype(int)))
+        for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            runs.append((first * cell_mm, row * cell_mm, last * cell_mm, (row + 1) * cell_mm))
+    return runs

@@ -1,6 +1,6 @@
 """The arc of the sphere in one profile, on an arbitrary background: circle, covariance, inliers, visible side."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +21,8 @@ from calib_core.sphere.found_arc import (
     finished_arc,
     points_per_independent,
 )
+
+_STEEPEST_COS = float(np.cos(np.deg2rad(75.0)))
 
 _START_BAND = 0.03  # of the radius: where a refinement starts to collect points
 _NEAR_LARGEST = 1.1  # times the sphere's radius: larger candidates do not refine to one of its circles
@@ -255,3 +257,33 @@ def _the_one(arcs: list[FoundArc], diameter_mm: float | None, z_axis: str | None
         )
     assert diameter_mm is not None  # the radius is all that is left to be wrong
     raise radius_mismatch(float(best.circle[2]), diameter_mm, "arc")
+
+
+def without_rim(points_mm: FloatArray, arc: ArcFit, sphere_radius_mm: float, eye_mm: FloatArray) -> ArcFit:
+    """Return an arc fitted without the points that are seen too steeply; the same where too few would be left.
+
+    Parameters
+    ----------
+    points_mm : (N, 2)
+        The profile, x and z in L.
+    arc : ArcFit
+        Its arc. On which side of the light the sphere's middle lies is not known: either counts.
+    sphere_radius_mm : float
+    eye_mm : (3,)
+        The camera's centre in L.
+    """
+    points = np.insert(points_mm, 1, 0.0, axis=1)
+    rays = eye_mm - points
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    height_mm = float(np.sqrt(max(sphere_radius_mm**2 - arc.radius_mm**2, 0.0)))
+    x, z = arc.center_mm
+    cosines = [np.sum((points - [x, side * height_mm, z]) * rays, axis=1) / sphere_radius_mm for side in (-1, 1)]
+    steep = arc.inliers & (np.min(cosines, axis=0) < _STEEPEST_COS)
+    if not steep.any():
+        return arc
+    left = np.where(steep[:, None], np.nan, points_mm)
+    try:
+        fitted = fit_arc(left, 2 * sphere_radius_mm, "away" if arc.visible_side > 0 else "toward")
+    except MeasurementError:
+        return arc
+    return replace(fitted, extent_rad=arc.extent_rad)

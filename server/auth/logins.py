@@ -16,9 +16,8 @@ from calib_core.records.acting import THIS_MACHINE
 from server.auth.roles import ROLES, Role, to_role
 from server.http.errors import LoginError
 from server.settings import Settings
-from server.store.access import TokenRow
 from server.store.database import Store
-from server.store.models import Data
+from server.store.models import Data, TokenRow
 from server.store.secrets import digest_of, load_key, new_cookie, new_token, token_id_of
 from server.store.tokens import (
     add_login,

@@ -2,18 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Final, Literal
 
 from calib_core.causes.apply import merge_patch
 from calib_core.cell.consistency import require_consistent
-from calib_core.errors import ConflictError, DamagedError, InputError
+from calib_core.cell.found import ON_FLANGE
+from calib_core.errors import CalibrationError, ConflictError, DamagedError, InputError
+from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES
 from calib_core.messages import message
 from calib_core.moment import now
-from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
+from calib_core.records import Capture, Cell, Measured, Session, parse_capture, parse_session
 from calib_core.records.strict_fields import require_known_fields, unknown_fields
 from calib_core.review.answer import cell_id
 from calib_core.stages.verify.limits import changes_between
-from server.captures.known_results import require_rigid
 from server.captures.measurer import Measurer
 from server.captures.measuring_queue import to_wait
 from server.measuring import Measure, check_poses
@@ -34,6 +36,12 @@ from server.store.sessions import (
     session_row,
 )
 from server.store.standing import require_evidence_kept
+
+_FRAMES: Final[dict[str, tuple[Literal["tool0", "base"], Literal["laser", "turntable"]]]] = {
+    ON_FLANGE: ("tool0", "laser"),
+    "base_from_laser": ("base", "laser"),
+    "base_from_turntable": ("base", "turntable"),
+}
 
 _MOST_WORDS = 1000
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
@@ -207,3 +215,15 @@ def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
 def _changed_meanwhile(what: str) -> ConflictError:
     to_do = "Send the request again."
     return ConflictError("a {what} that rests", "one that was just changed", to_do, what, what=what)
+
+
+def require_rigid(cell: Cell) -> None:
+    """Refuse a cell whose known frames are no rigid transforms; raises InputError."""
+    for name, (into, outof) in _FRAMES.items():
+        matrix = getattr(cell.known, name)
+        if matrix is None:
+            continue
+        try:
+            RigidTransform.from_rounded(matrix, into, outof)
+        except CalibrationError as error:
+            raise InputError(error.need, error.got, error.to_do, f"cell.known.{name}") from None

@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from server.console.axes import where_axes
 from server.console.command import OK, Command, session_argument
-from server.console.output import print_result, remark, write_out
+from server.console.output import print_result, remark, where_axes, write_out
 
 if TYPE_CHECKING:
     from calib_core.guidance.pose_list import PoseList

@@ -3,9 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from server.console.axes import where_axes
 from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
-from server.console.output import print_result
+from server.console.output import print_result, where_axes
 
 if TYPE_CHECKING:
     from calib_core.stages.recheck.guide import RecheckPlan

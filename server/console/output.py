@@ -11,7 +11,7 @@ from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from glob import glob
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
 
 from calib_core.disk import WINDOWS, extended, temporary_folder
 from calib_core.errors import InputError
@@ -21,6 +21,14 @@ from server.console.language import lines_said
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
 _SPOOLED = "standard input"
 _ROOM = 80  # for names below a folder that is named; what a data folder has below is no longer
+
+
+class _Asked(Protocol):
+    """A capture that is asked for."""
+
+    axes_deg: dict[str, float] | None
+    axes_mm: dict[str, float] | None
+    scanner: str | None
 
 
 def take_any_text() -> None:
@@ -157,3 +165,10 @@ def from_standard_input(options: argparse.Namespace) -> Generator[None]:
         except CalibrationError as error:
             place = error.where.replace(str(file), _SPOOLED)
             raise type(error)(error.need, error.got, error.to_do, place) from None
+
+
+def where_axes(asked: _Asked) -> str:
+    """Return where named axes are to stand, and whose capture it is; empty where the cell names none."""
+    turns = "".join(f"  {name} {value:.1f}°" for name, value in (asked.axes_deg or {}).items())
+    shifts = "".join(f"  {name} {value:.1f} mm" for name, value in (asked.axes_mm or {}).items())
+    return turns + shifts + (f"  ({asked.scanner})" if asked.scanner else "")

@@ -14,11 +14,34 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calib_core.errors import CalibrationError, TooLargeError
-from server.http.content_policies import policy_for
 from server.http.errors import ForbiddenError, refuse
 from server.http.same_origin import is_safe, is_same_origin
 from server.http.uploads import comes_in_pieces
 from server.settings import Settings, is_loopback
+
+_PAGE = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "style-src-attr 'unsafe-inline'",  # widths and places in plots
+        "img-src 'self' data: blob:",
+        "connect-src 'self'",
+        "frame-src 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'self'",
+    )
+)
+# The documentation page starts itself by an inline script and styles itself.
+_DOCS = _PAGE.replace("script-src 'self'", "script-src 'self' 'unsafe-inline'").replace(
+    "style-src 'self'", "style-src 'self' 'unsafe-inline'"
+)
+# One file that carries its own style and pictures, and runs nothing.
+_REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; " + (
+    "frame-ancestors 'self'"
+)
+_DATA = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 
 _NO_DEVICES = "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=(), display-capture=()"
 
@@ -125,3 +148,12 @@ def _with_headers(scope: Scope, send: Send) -> Send:
         await send(message)
 
     return sending
+
+
+def policy_for(path: str) -> str:
+    """Return the policy of an answer that does not bring its own."""
+    if path == "/docs":
+        return _DOCS
+    if path.startswith("/api/"):
+        return _REPORT if path.endswith("/report") else _DATA
+    return _PAGE

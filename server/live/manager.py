@@ -10,19 +10,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import SecretStr
 
-from calib_core.disk import temporary_folder
+from calib_core.disk import replace_file, temporary_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured
 from calib_core.review.answer import cell_id
 from server.captures.intake import Intake
-from server.live.cell_memory import KeptBySession
 from server.live.clock_watch import MeasuredClocks
 from server.live.link import Link, LinkState
 from server.live.live_captures import CaptureSettings
 from server.live.live_cell import LiveCell
 from server.live.session_now import SessionNow
+from server.scenes.display_options import RobotNow
+from server.scenes.manager import SceneManager
 from server.sources.registry import SOURCES
 from server.sources.source import Source
 from server.store.database import Store, record_event
@@ -30,9 +32,33 @@ from server.store.devices import DeviceSecrets, connected_devices, device_row, d
 from server.store.models import Data, DeviceRow
 from server.store.sessions import empty_session, locked_session, session_row
 
+_MOST_POINTS = 200
+
 log = logging.getLogger("scancell")
 
 _LOOK_EVERY_S = 0.1
+
+
+class KeptBySession:
+    """JSON data by session; each change replaces the file as a whole."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._lock = threading.Lock()
+
+    def get(self, session_id: str) -> Data:
+        """Return what is kept of a session, empty where nothing is."""
+        return self._all().get(session_id, {})
+
+    def put(self, session_id: str, data: Data) -> None:
+        """Keep this of a session in place of what was kept."""
+        with self._lock:
+            fresh = self._path.with_suffix(".new")
+            fresh.write_text(json.dumps({**self._all(), session_id: data}), encoding="utf-8")
+            replace_file(fresh, self._path)
+
+    def _all(self) -> dict[str, Any]:
+        return json.loads(self._path.read_text(encoding="utf-8")) if self._path.exists() else {}
 
 
 class LiveCells:
@@ -262,3 +288,16 @@ def require_live(cells: LiveCells, session_id: str) -> LiveCell:
         to_do = "Connect one in the session's devices."
         raise ConflictError("a device that is connected for this session", "none", to_do, "devices")
     return live
+
+
+def follow_robot(scenes: SceneManager, session_id: str, live: LiveCell | None) -> None:
+    """Show where a session's robot stands now, where anybody looks; None takes it away."""
+    scene = scenes.live(session_id)
+    if scene is None:
+        return
+    robot, _, exposure = live.newest() if live else (None, None, None)
+    if robot is None or robot.base_from_tool0 is None:
+        scene.follow(None)
+        return
+    seen = exposure.points if exposure else np.empty((0, 2))
+    scene.follow(RobotNow(robot.base_from_tool0, seen[:: max(1, len(seen) // _MOST_POINTS)]))

@@ -3,14 +3,19 @@
 The page builds its choices, its accepted file endings and its forms from these lists.
 """
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.graph.stage import Stage
 from calib_core.proof import Proof
+from calib_core.records import Cell
 from server.http.api_router import api_router
 from server.routes.dependencies import SettingsDep
+
+_NO_STAGE_SETTINGS = {"type": "object", "properties": {}, "additionalProperties": False}
 
 router = api_router("registries")
 
@@ -179,7 +184,6 @@ def sources() -> CaptureSources:
 def stages(settings: SettingsDep) -> StagesOfCell:
     """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their order."""
     from calib_core.graph.registry import stages as all_stages
-    from calib_core.stages.description import describe_stage
 
     items = [{**describe_stage(stage), "element": _element(settings.web, stage.name)} for stage in all_stages()]
     return StagesOfCell(items=[StageOfCell.model_validate(item) for item in items])
@@ -189,3 +193,30 @@ def _element(web: Path, stage: str) -> str | None:
     """Return the address of what a stage draws itself in the page; most draw nothing."""
     script = web / "stages" / stage / "index.js"
     return f"/web/stages/{stage}/index.js" if script.is_file() else None
+
+
+def describe_stage(stage: Stage) -> dict[str, Any]:
+    """Return what a page or a program needs to know of a stage, as JSON data."""
+    return {
+        "name": stage.name,
+        "title": stage.title,
+        "steps": list(stage.steps),
+        "after": list(stage.after),
+        "guided": list(stage.guided),
+        "planned": stage.planned,
+        "is_answer": stage.is_answer,
+        "step": None if stage.step is None else asdict(stage.step),
+        "further_steps": [asdict(step) for step in stage.further_steps],
+        "settings_field": stage.settings_field,
+        "settings": _NO_STAGE_SETTINGS if stage.settings_field is None else _settings(stage.settings_field),
+        "layers": list(stage.layers),
+    }
+
+
+def _settings(field: str) -> dict[str, Any]:
+    """Return the JSON Schema of the record that a field of the cell holds."""
+    kind: Any = Cell.model_fields[field].annotation
+    for record in getattr(kind, "__args__", (kind,)):  # a field that may be left out is a union with None
+        if isinstance(record, type) and issubclass(record, BaseModel):
+            return record.model_json_schema()
+    raise TypeError(f"cell.{field} is no record")

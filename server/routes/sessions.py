@@ -15,8 +15,7 @@ from calib_core.errors import InputError
 from calib_core.findings import findings_as_read, guide_as_read
 from calib_core.records import Guide, parse_session
 from calib_core.records.strict_fields import require_known_fields
-from server.captures.changes import corrected_session
-from server.captures.known_results import require_rigid
+from server.captures.changes import corrected_session, require_rigid
 from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.events import follow, to_sse

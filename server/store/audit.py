@@ -10,8 +10,7 @@ from sqlalchemy import insert, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.moment import now
-from server.store.access import AuditRow
-from server.store.models import Data
+from server.store.models import AuditRow, Data
 from server.store.paging import Page, after_cursor, page_of
 
 _LONGEST_PATH = 500

@@ -2,8 +2,9 @@
 
 import json
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
+from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
@@ -12,7 +13,6 @@ from calib_core.disk import journal_of_sqlite
 from calib_core.errors import InputError
 from calib_core.messages import message
 from server.store.json_text import JsonText
-from server.store.sqlite_address import address_for_reading
 
 _TIMEOUTS = {
     "connect_timeout": 5,
@@ -119,3 +119,9 @@ def _begin_sqlite(connection: Connection) -> None:
     # A transaction that will write takes the lock at once: it never fails half-way because another was faster.
     writing = connection.get_execution_options().get("writing")
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
+
+
+def address_for_reading(file: PurePath) -> str:
+    """Return a file's address for SQLite, which takes none with a machine in it: a share has two slashes."""
+    path = quote(file.as_posix(), safe="/:")
+    return f"file://{path if path[0] == '/' else f'/{path}'}?mode=ro"

@@ -8,7 +8,7 @@ from secrets import token_hex
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.captures.certificate_dates import is_overdue
+from calib_core.captures.certificate import is_overdue
 from calib_core.errors import ConflictError, DamagedError, NotFoundError
 from calib_core.messages import message
 from calib_core.moment import now

@@ -14,6 +14,55 @@ from server.store.row_seals import Signed
 Data = dict[str, Any]
 
 
+class Base(DeclarativeBase):
+    """All tables of the store."""
+
+    type_annotation_map = {Data: JSON(none_as_null=True), str: Text}  # noqa: RUF012
+
+    def fields(self, *names: str) -> Data:
+        """Return some of a row's columns by their names."""
+        return {name: getattr(self, name) for name in names}
+
+
+class TokenRow(Base):
+    """An API token: who it was given to and what it is good for; of the token itself only a keyed hash."""
+
+    __tablename__ = "tokens"
+    id: Mapped[str] = mapped_column(String(16), primary_key=True)
+    name: Mapped[str] = mapped_column(String(200))
+    role: Mapped[str] = mapped_column(String(16))
+    digest: Mapped[str] = mapped_column(String(64))
+    created: Mapped[str] = mapped_column(String(32))
+    expires: Mapped[str | None] = mapped_column(String(32))
+    revoked: Mapped[str | None] = mapped_column(String(32))
+
+
+class LoginRow(Base):
+    """A browser that logged in with a token; of its cookie only a keyed hash."""
+
+    __tablename__ = "logins"
+    digest: Mapped[str] = mapped_column(String(64), primary_key=True)
+    token_id: Mapped[str] = mapped_column(ForeignKey("tokens.id", ondelete="CASCADE"), index=True)
+    created: Mapped[str] = mapped_column(String(32))
+    expires: Mapped[str] = mapped_column(String(32), index=True)
+
+
+class AuditRow(Base):
+    """Who did what, or was refused it; rows are only ever added, the database itself refuses all else."""
+
+    __tablename__ = "audit"
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
+    created: Mapped[str] = mapped_column(String(32))
+    who: Mapped[str] = mapped_column(String(200))
+    role: Mapped[str] = mapped_column(String(16))
+    token_id: Mapped[str | None] = mapped_column(String(16))
+    address: Mapped[str] = mapped_column(String(64))
+    method: Mapped[str] = mapped_column(String(16))
+    path: Mapped[str] = mapped_column(String(500))
+    outcome: Mapped[str] = mapped_column(String(16))
+    change: Mapped[Data | None]
+
+
 def folded(text: str) -> str:
     """Return text as it is searched: letters of one case and one Unicode form."""
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", text).casefold())
@@ -27,16 +76,6 @@ def required(row: Row | None, need: str, got: str, to_do: str, where: str) -> Ro
     if row is None:
         raise NotFoundError(need, got, to_do, where)
     return row
-
-
-class Base(DeclarativeBase):
-    """All tables of the store."""
-
-    type_annotation_map = {Data: JSON(none_as_null=True), str: Text}  # noqa: RUF012
-
-    def fields(self, *names: str) -> Data:
-        """Return some of a row's columns by their names."""
-        return {name: getattr(self, name) for name in names}
 
 
 class SessionRow(Signed, Base):

@@ -17,9 +17,8 @@ from calib_core.records.policy import Policy
 from calib_core.review.answer import answer_record
 from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.standing import Standing, changed_equipment, faults_of_moment, serials_of
-from server.store.access import AuditRow
 from server.store.audit import note_change
-from server.store.models import CaptureRow, Data, ReleaseRow, SessionRow
+from server.store.models import AuditRow, CaptureRow, Data, ReleaseRow, SessionRow
 from server.store.releases import (
     cell_history,
     cell_sessions,

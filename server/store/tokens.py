@@ -9,8 +9,7 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import ConflictError
 from calib_core.messages import message
 from calib_core.moment import from_now, now
-from server.store.access import LoginRow, TokenRow
-from server.store.models import Data, required
+from server.store.models import Data, LoginRow, TokenRow, required
 
 
 def add_token(

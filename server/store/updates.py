@@ -11,7 +11,7 @@ from typing import Final, Literal, NamedTuple
 from calib_core.disk import remove_file, replace_file
 from calib_core.errors import InputError
 from calib_core.messages import message
-from server.store.sqlite_address import address_for_reading
+from server.store.engine import address_for_reading
 
 DATABASE: Final = "scancell.db"
 _KEPT_FOLDER: Final = "before-updates"

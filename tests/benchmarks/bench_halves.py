@@ -183,8 +183,8 @@ class PlaneSet(NamedTuple):
 
 @cache
 def plane_set(name: str) -> PlaneSet:
-    from calib_core.captures.camera_source import camera_of
     from calib_core.captures.plane_views import PlaneViews
+    from calib_core.captures.solved_optics import camera_of
     from calib_core.stages.laser_plane.solve import known_of
     from calib_core.stages.pipeline import stage_input
 

@@ -10,7 +10,7 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
+from calib_core.chain.tcp_solution import TcpOptions
 from calib_core.frames import RigidTransform
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma_mm

@@ -8,8 +8,7 @@ import numpy as np
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
-from calib_core.chain.tcp_solution import TcpSolution
+from calib_core.chain.tcp_solution import TcpOptions, TcpSolution
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.simulation import SimulatedSession, simulate
 from tests.bound import Beliefs, tcp_bound

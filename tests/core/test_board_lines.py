@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.captures.camera_source import camera_of
 from calib_core.captures.plane_views import PlaneViews
+from calib_core.captures.solved_optics import camera_of
 from calib_core.errors import MotionError
 from calib_core.formats.shared.images import decode_image
 from calib_core.frames import RigidTransform

@@ -14,7 +14,6 @@ from calib_core.archive.folder import load_session, save_session
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.causes.apply import applied, cause_named, changes_for, merge_patch, patch_back
-from calib_core.causes.incidents import incident_finding
 from calib_core.causes.poses import pose_causes
 from calib_core.causes.session import session_causes
 from calib_core.errors import InputError, MeasurementError
@@ -24,6 +23,7 @@ from calib_core.records import RootCause, Session
 from calib_core.robots import to_pose
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.stages.pipeline import run
+from calib_core.stages.tcp.verdict import incident_finding
 from server.cli import main
 from server.http.errors import problem
 
@@ -174,7 +174,7 @@ def test_a_moved_sphere_leaves_out_the_smaller_part(cell: Measured) -> None:
     from dataclasses import replace
 
     from calib_core.chain.tcp import solve_tcp
-    from calib_core.chain.tcp_given import TcpOptions
+    from calib_core.chain.tcp_solution import TcpOptions
 
     moved = [
         replace(

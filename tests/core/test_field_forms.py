@@ -12,7 +12,7 @@ from calib_core.errors import InputError
 from calib_core.exports.registry import all_exports
 from calib_core.formats.points import FORMATS
 from calib_core.records import Session, parse_session
-from calib_core.records.field_forms import OTHER, in_words
+from calib_core.records.field_errors import OTHER, in_words
 from server.app import create_app
 from server.movers.registry import MOVERS
 from server.settings import Settings

@@ -8,8 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from calib_core.errors import InputError
-from calib_core.graph.first_keys import inputs_sha256_of_0_1_0
-from calib_core.graph.keys import Graph
+from calib_core.graph.keys import Graph, inputs_sha256_of_0_1_0
 from calib_core.graph.registry import STAGES, stages
 from calib_core.records import Capture, Cell, Session, parse_session
 from calib_core.simulation import simulate

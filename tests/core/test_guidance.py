@@ -11,7 +11,7 @@ from calib_core.cell.walk import Carriers
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
+from calib_core.chain.tcp_solution import TcpOptions
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.advice import advice_in, inputs_of, inputs_read, tcp_advice
 from calib_core.guidance.candidates import Room, candidates

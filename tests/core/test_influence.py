@@ -5,8 +5,7 @@ import pytest
 from cells import GIVEN, SPHERE, Cell
 
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
-from calib_core.chain.tcp_solution import TcpSolution
+from calib_core.chain.tcp_solution import TcpOptions, TcpSolution
 from calib_core.frames import FloatArray
 
 

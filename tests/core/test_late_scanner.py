@@ -13,8 +13,7 @@ from calib_core.exports.answer import answer_of
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
 from calib_core.guidance.part_budget import budget_at
-from calib_core.library.opened import OpenSession, in_memory
-from calib_core.library.results import Results
+from calib_core.library.opened import OpenSession, Results, in_memory
 from calib_core.records import Capture
 from calib_core.review.answer import answer_record
 from calib_core.review.cell_frames import session_frames

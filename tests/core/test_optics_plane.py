@@ -10,7 +10,6 @@ from calib_core.frames import RigidTransform
 from calib_core.optics import laser_plane_joint
 from calib_core.optics.adjust import Adjusted, Adjustment, State
 from calib_core.optics.board import BoardView
-from calib_core.optics.board_bend import bend_of
 from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_layout import parameter_places
@@ -20,6 +19,7 @@ from calib_core.optics.laser_plane_borne_out import Boards
 from calib_core.optics.laser_plane_joint import CameraUncertainty
 from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, board_poses, solve_plane
 from calib_core.optics.stripe import StripeCenters
+from calib_core.stages.laser_plane.solve import bend_of
 
 MATRIX = np.array([[900.0, 0, 320.0], [0, 905.0, 240.0], [0, 0, 1]])
 CAMERA = CameraModel.from_names(MATRIX, {"k1": -0.12, "k2": 0.08, "p1": 4e-4}, (640, 480))

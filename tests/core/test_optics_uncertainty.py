@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from calib_core.captures.content import sphere_of
-from calib_core.captures.frame_uncertainty import MovedCalibration, moved_calibrations, optics_errors
+from calib_core.captures.frame_uncertainty import (
+    MovedCalibration,
+    chain_with_optics,
+    moved_calibrations,
+    optics_errors,
+)
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.moved import shift_by, spread_of
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
@@ -15,7 +20,6 @@ from calib_core.chain.table_given import KnownTool
 from calib_core.chain.tcp import solve_tcp
 from calib_core.chain.turntable import solve_turntable
 from calib_core.chain.whole import ChainSolution, solve_chain
-from calib_core.chain.with_optics import chain_with_optics
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.budget import budget, calibrated_rows, covariances, together
 from calib_core.guidance.calibrated import Calibrated, View

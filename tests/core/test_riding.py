@@ -10,8 +10,7 @@ import pytest
 import calib_core as cc
 from calib_core.exports.export import export
 from calib_core.guidance.part_budget import budget_at
-from calib_core.library.opened import OpenSession, in_memory
-from calib_core.library.results import Results
+from calib_core.library.opened import OpenSession, Results, in_memory
 from calib_core.records import Session
 from calib_core.simulation import TOPOLOGY_SCENARIOS, TopologyScenario
 from calib_core.simulation.topology_cell import simulate_topology

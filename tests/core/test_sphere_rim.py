@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from calib_core.frames import FloatArray
-from calib_core.sphere.arc import fit_arc
-from calib_core.sphere.rim import without_rim
+from calib_core.sphere.arc import fit_arc, without_rim
 
 RADIUS_MM = 20.0
 EYE_MM = np.array([0.0, -110.0, 0.0])

@@ -11,8 +11,7 @@ from cells import ESTIMATED, GIVEN, SPHERE, Cell
 from calib_core.chain.answer import surface_distances
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
-from calib_core.chain.tcp_solution import TcpSolution
+from calib_core.chain.tcp_solution import TcpOptions, TcpSolution
 from calib_core.findings import judgement, reasons_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.verdict import tcp_findings

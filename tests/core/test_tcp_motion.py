@@ -8,8 +8,7 @@ from cells import ESTIMATED, GIVEN, SPHERE, Cell
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.tcp_given import TcpOptions
-from calib_core.chain.tcp_solution import TcpSolution
+from calib_core.chain.tcp_solution import TcpOptions, TcpSolution
 from calib_core.chain.undetermined import open_directions
 from calib_core.errors import MotionError
 from calib_core.findings import judgement

@@ -16,8 +16,8 @@ from calib_core.simulation import retake, simulate, simulate_verify
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS
 from calib_core.stages.pipeline import run
 from calib_core.stages.verify.decision import decided, probing
+from calib_core.stages.verify.evidence import capability_of_captures
 from calib_core.stages.verify.record import VerifyResult
-from calib_core.stages.verify.repeated import capability_of_captures
 from tests.verified import shifted, solved, verified_session
 
 

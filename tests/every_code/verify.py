@@ -12,12 +12,11 @@ from calib_core.records import LimitChange, Session, Verification
 from calib_core.simulation import SimulatedSession, simulate_verify
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.verify.decision import Estimate, checked, decision_findings
+from calib_core.stages.verify.decision import Estimate, checked, decision_findings, scatter_findings
 from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.held_out import HeldOut
 from calib_core.stages.verify.limits import limit_findings
 from calib_core.stages.verify.record import Decision
-from calib_core.stages.verify.scattered import scatter_findings
 from calib_core.stages.verify.solve import unchecked_limits
 from tests.arm_cell import later_on_an_arm
 from tests.every_code.made import Case

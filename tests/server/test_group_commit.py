@@ -10,11 +10,10 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
-from server.store.access import AuditRow
 from server.store.audit import Act, acting
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
-from server.store.models import EventRow, SessionRow
+from server.store.models import AuditRow, EventRow, SessionRow
 from server.store.sessions import create_session, session_row
 
 RECORD = {"cell": {"pose_convention": "ur"}}

@@ -8,8 +8,8 @@ import pytest
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import ConflictError
 from calib_core.frames import RigidTransform
-from server.live.cell_memory import KeptBySession
 from server.live.clock_watch import LEAST_DRIFT_S, ClockWatch, MeasuredClocks
+from server.live.manager import KeptBySession
 from server.live.recording import Recorded, on_one_clock
 from server.sources.device import Frame, Sample
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from server.store import record_cache as kept_records
-from server.store.record_cache import KeptRecords
+from server.store import sessions as kept_records
+from server.store.sessions import KeptRecords
 
 
 def test_a_text_is_read_once_while_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from server.scenes.live import LiveScene
 from server.scenes.merged import KnownScans, merged_scans, thinned
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
-from server.scenes.player import Player
+from server.scenes.panel import Player
 from server.scenes.scene_input import SceneInput
 from server.scenes.scene_model import SceneFacts, scene_facts
 from server.scenes.stored import scene_input

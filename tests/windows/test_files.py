@@ -21,9 +21,8 @@ from calib_core.errors import InputError
 from calib_core.formats.points import parse_profile
 from server import cli
 from server.console.output import is_stream, with_matches
-from server.store.engine import engine_of
+from server.store.engine import address_for_reading, engine_of
 from server.store.secrets import load_key
-from server.store.sqlite_address import address_for_reading
 
 
 @pytest.fixture

@@ -13,8 +13,7 @@ import pytest
 from server import windows_service
 from server.cli import main
 from server.commands import serve
-from server.windows_links import link
-from server.windows_service import Service, task_xml
+from server.windows_service import Service, link, task_xml
 
 _SCHTASKS = """#!{python}
 import sys, pathlib

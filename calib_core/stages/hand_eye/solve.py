@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.boards import board_first, frames_not_used
-from calib_core.captures.camera_source import camera_of
 from calib_core.captures.plane_views import PlaneViews
+from calib_core.captures.solved_optics import camera_of
 from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError, MeasurementError
 from calib_core.estimation import chance_of

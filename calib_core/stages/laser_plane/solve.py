@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.captures.boards import board_first, board_in, board_of, frames_not_used, likeliest_failure
-from calib_core.captures.camera_source import camera_of
 from calib_core.captures.contradictions import EXCLUDED, NOT_A_FRAME
 from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.plane_views import PlaneViews
-from calib_core.captures.solved_optics import camera_segments, remembered
+from calib_core.captures.solved_optics import camera_of, camera_segments, remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.findings.codes import camera as camera_codes
@@ -18,9 +17,12 @@ from calib_core.frames import FloatArray
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import Value, message
-from calib_core.optics.board_bend import bend_of
+from calib_core.optics.adjust import Adjustment, shape_start
+from calib_core.optics.board import BoardView
 from calib_core.optics.board_shape import BoardShape
+from calib_core.optics.camera_choice import choose_layout
 from calib_core.optics.camera_evidence import coverage_findings
+from calib_core.optics.camera_layout import Layout
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.extrapolation import extrapolation, sigmas_in_light
 from calib_core.optics.focus_change import is_changed
@@ -30,8 +32,8 @@ from calib_core.optics.laser_plane import (
     plane_findings,
     rotation_sigma_deg,
 )
-from calib_core.optics.laser_plane_joint import CameraUncertainty
-from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, ViewFigures, solve_plane
+from calib_core.optics.laser_plane_joint import HUBER, CameraUncertainty
+from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, ViewFigures, posed_corners, solve_plane
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import (
     LaserPlaneResidual,
@@ -39,6 +41,9 @@ from calib_core.records.laser_plane_result import (
     PlaneInCamera,
     RefinedCamera,
 )
+
+_LEAST_VIEWS = 6
+_FOLDS = 5
 
 _FINDING_SHARE = 0.6
 _LEAST_DISTANCE_SIGMAS = 3.0
@@ -270,3 +275,28 @@ def _row(view: ViewFigures, reason: str | None) -> LaserPlaneResidual:
         board_sigma_px=view.board_sigma_px if np.isfinite(view.board_sigma_px) else None,
         board_distance_mm=view.board_distance_mm,
     )
+
+
+def bend_of(camera: CameraModel, views: Sequence[BoardView], flat: bool | None) -> CameraUncertainty | None:
+    """Return how a board is bent, to be refined with the plane of light; None: it is flat, or nothing tells.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Exact.
+    views : sequence of BoardView
+    flat : bool or None
+        What is told of the board; None: held-out views decide.
+    """
+    if flat or len(views) < _LEAST_VIEWS or not all(view.is_numbered for view in views):
+        return None
+    corners, state = posed_corners(camera, views)
+    _, near, far = camera.bands
+    known = Layout(camera.model, near, far, np.zeros(0, np.int64))
+    layout, _ = choose_layout(corners, state, [known], _FOLDS, None if flat is None else True)
+    if not layout.bends:
+        return None
+    end = Adjustment(corners, near, far, layout.free, HUBER).solve(state)
+    start = shape_start(len(near))
+    shape = BoardShape(end.state.shared[start : start + 7].copy(), corners.extent_mm)
+    return CameraUncertainty(layout.free, end.covariance, (), shape)

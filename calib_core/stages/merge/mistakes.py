@@ -13,10 +13,9 @@ from calib_core.cell.carriers import stands_still
 from calib_core.errors import CalibrationError
 from calib_core.findings.codes import merge as codes
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.fusion.arrangement import Fit, coarse, fit
 from calib_core.fusion.clean import clean_scan
 from calib_core.fusion.overlap import Patches, SeenBy, joined_patches, seen_by
-from calib_core.fusion.solve import Looked
+from calib_core.fusion.solve import Fit, Looked, coarse, fit
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Capture, Changes, Finding, Session
 from calib_core.stages.merge.trials import (

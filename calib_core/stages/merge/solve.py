@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 from calib_core.captures.arm_joints import corrected_captures
-from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
+from calib_core.captures.observe import side_of_ball
 from calib_core.captures.placement import Placement
 from calib_core.captures.poses import require_unit
 from calib_core.captures.scans import ScanGroup, SessionScans, local_origin_mm, poses_of, scan_groups

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from calib_core.causes.mirror import turned_round
 from calib_core.findings.codes.causes import POINTS_MIRRORED
 from calib_core.frames import FloatArray, rotation_from_vector
-from calib_core.fusion.arrangement import Fit, coarse, fit
 from calib_core.fusion.outward import Outward, Sight, sight
 from calib_core.fusion.overlap import Patches, SeenBy, joined_patches
+from calib_core.fusion.solve import Fit, coarse, fit
 from calib_core.records import Capture, Changes, Finding, RootCause
 
 LEAST_PAIRS = 50

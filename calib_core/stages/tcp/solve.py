@@ -32,8 +32,7 @@ from calib_core.stages.tcp.record import TcpResidual, TcpResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
 if TYPE_CHECKING:
-    from calib_core.chain.tcp_given import TcpOptions
-    from calib_core.chain.tcp_solution import TcpSolution
+    from calib_core.chain.tcp_solution import TcpOptions, TcpSolution
 
 _MEASURING_SHARE = 0.3
 _NOT_ONE_BALL_MM = 5.0  # by which one ball's places scatter: the cell is told wrongly, or there are several
@@ -180,7 +179,7 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.tcp import solve_tcp
-    from calib_core.chain.tcp_given import TcpOptions
+    from calib_core.chain.tcp_solution import TcpOptions
     from calib_core.stages.tcp.balls import named_by_distances, of_no_ball, other_arcs, with_all_balls
 
     cell = given.session.cell

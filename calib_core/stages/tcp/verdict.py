@@ -1,11 +1,11 @@
 """Whether a TCP can be trusted: everything that is noticed of a solution, as findings."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from calib_core.causes.incidents import incident_finding
+from calib_core.causes.readings import moved_poses
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.held import ScannerError
 from calib_core.chain.incidents import Happened
@@ -16,9 +16,10 @@ from calib_core.chain.undetermined import OpenDirection, about_travel, without_t
 from calib_core.findings import Finding
 from calib_core.findings.code import Code
 from calib_core.findings.codes import arm as arm_codes
+from calib_core.findings.codes import causes as cause_codes
 from calib_core.findings.codes import tcp as codes
 from calib_core.findings.codes.causes import SWAPPED_POSES
-from calib_core.records import Capture
+from calib_core.records import BeforeAfter, Capture, CauseKind, Changes, RootCause
 
 _HOPELESS_SCATTER_MM = 5.0
 _HOPELESS_SIGMA_MM = 2.5  # inverted poses leave 2.9 mm and more; arms that are only untrue stay below 1 mm
@@ -270,3 +271,41 @@ def lag_findings(observations: Observations, sigmas: Sigmas) -> list[Finding]:
     if largest.is_shift and largest.shift_mm > max(usual_mm, _LEAST_LAG_MM):
         return [arm_codes.LAG_NOT_CHECKED(), arm_codes.ARM_LAGS(names, shift_mm=largest.shift_mm)]
     return [arm_codes.POSES_REPEAT(names, shift_mm=largest.shift_mm)]
+
+
+def incident_finding(happened: Happened, captures: Sequence[Capture] = ()) -> Finding:
+    """Return a cause with its remedy: the smaller part of the session left out, or two poses exchanged."""
+    return happened.code(list(happened.captures), remedy=_remedy(happened, captures), **happened.values)
+
+
+def _remedy(happened: Happened, captures: Sequence[Capture]) -> RootCause:
+    since = happened.captures[0]
+    given: dict[str, str] = {}
+    if happened.code is cause_codes.SWAPPED_POSES:
+        one, other = happened.captures
+        given = {one: other, other: one}
+    shift = happened.values.get("shift_mm")
+    evidence = [BeforeAfter(label="Moved by", unit="mm", before=shift, after=None)] if shift is not None else []
+    return RootCause(
+        id=f"{happened.kind}-{since}"[:64],
+        kind=cast(CauseKind, happened.kind),
+        evidence=evidence,
+        captures=list(happened.captures),
+        changes=_changes(given, happened, captures),
+        poses_from=given,
+    )
+
+
+def _changes(given: dict[str, str], happened: Happened, captures: Sequence[Capture]) -> Changes | None:
+    if not given:
+        return _fewer(happened, captures)
+    # Arrays that come without records have nothing to change.
+    return moved_poses(given, (), captures) if given.keys() <= {capture.id for capture in captures} else None
+
+
+def _fewer(happened: Happened, captures: Sequence[Capture]) -> Changes | None:
+    used = [capture.id for capture in captures if not capture.excluded]
+    after = [name for name in used if name in happened.captures]
+    before = [name for name in used if name not in happened.captures]
+    fewer = after if len(after) <= len(before) else before
+    return Changes(captures={name: {"excluded": True} for name in fewer}) if fewer else None

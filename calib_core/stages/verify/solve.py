@@ -33,8 +33,10 @@ from calib_core.stages.verify.decision import (
     Estimate,
     checked,
     decision_findings,
+    moved_findings,
     overall,
     probing,
+    scatter_findings,
     tool_error,
 )
 from calib_core.stages.verify.flatness import Plate, plate
@@ -43,7 +45,6 @@ from calib_core.stages.verify.joint_moved import joint_findings
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
-from calib_core.stages.verify.scattered import moved_findings, scatter_findings
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, seen_once, spacing
 from calib_core.stages.verify.tool import Tool
 from calib_core.steps import steps_that_show

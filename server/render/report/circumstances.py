@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from calib_core.captures.certificate_dates import captured_until, is_overdue
+from calib_core.captures.certificate import captured_until, is_overdue
 from calib_core.evidence.numbers import number_text, quantity, quantity_text, with_unit
 from calib_core.messages import message
 from calib_core.records import Cell, Session

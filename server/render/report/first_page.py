@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, Final, Literal
 
-from calib_core.captures.certificate_dates import overdue_certificates
+from calib_core.captures.certificate import overdue_certificates
 from calib_core.errors import ConflictError
 from calib_core.evidence.html import STALE
 from calib_core.evidence.numbers import limit_of, plus_minus, pointed, quantity, quantity_text

@@ -1,24 +1,30 @@
 """The report: a page to sign, then equipment and circumstances, then the evidence of every result."""
 
-from collections.abc import Collection, Mapping
+from base64 import b64encode
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from calib_core import __version__
 from calib_core.archive.seals import SOLVED
 from calib_core.cell.found import answering, placed_scanner
+from calib_core.errors import CalibrationError
 from calib_core.evidence.html import result_html
 from calib_core.evidence.style import STYLE
 from calib_core.evidence.text import verdict_words
 from calib_core.exports.workpiece import covariance_in
 from calib_core.findings.reading import as_read
 from calib_core.findings.telling import block_in, told
+from calib_core.formats.shared.images import decode_image
 from calib_core.graph.registry import stages
 from calib_core.messages import Catalogue
 from calib_core.records import Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.records.evidence import AnyBlock
 from calib_core.review.truth import truth_blocks
 from calib_core.stages.evidence import stored_evidence, title_of
@@ -38,9 +44,10 @@ from server.render.report.first_page import (
     plain_text,
     report_number,
 )
-from server.render.report.frame_picture import address_of
 from server.render.report.scene_picture import scene_picture
 from server.render.report.words import WORDS
+
+_WIDEST_PX = 480
 
 _COVARIANCES: Final = ("covariance", "turntable_covariance")
 _SIGNED: Final = ("calibrated by", "checked by", "approved by")
@@ -168,3 +175,28 @@ def _evidence(session: Session, data: Data) -> list[AnyBlock]:
         if name in data and placed_scanner(data) is not None:
             covariance_in(data, name)
     return stored_evidence(session, data)
+
+
+def address_of(read: ReadFile | None) -> Callable[[str], str]:
+    """Return what gives a frame's picture as an address with all of it, "" where it cannot be read."""
+
+    def address(name: str) -> str:
+        if read is None:
+            return ""
+        try:
+            image = decode_image(read(name), name)
+        except CalibrationError:  # the report goes out without it
+            return ""
+        return f"data:image/jpeg;base64,{b64encode(_small_jpeg(image)).decode()}"
+
+    return address
+
+
+def _small_jpeg(image: NDArray[Any]) -> bytes:
+    import cv2
+
+    by = min(1.0, _WIDEST_PX / image.shape[1])
+    small = cv2.resize(image, None, fx=by, fy=by, interpolation=cv2.INTER_AREA)
+    shown = small[..., ::-1] if small.ndim == 3 else small
+    shown = shown if image.dtype == np.uint8 else (shown // 256).astype(np.uint8)
+    return cv2.imencode(".jpg", np.ascontiguousarray(shown))[1].tobytes()
