@@ -81,12 +81,16 @@ class Placement:
         rows = self.mount_from_laser.to_rows()
         return next((one for one in self.mounts.values() if one.to_rows() == rows), self.mount_from_laser)
 
+    def places(self, capture: Capture) -> bool:
+        """Return whether it says where the scanner of a capture is."""
+        return not self.mounts or self.cell is None or scanner_name(self.cell, capture) in self.mounts
+
     def mount(self, capture: Capture) -> RigidTransform:
         """Return where the scanner of a capture is on what carries it."""
         if not self.mounts or self.cell is None:
             return self.mount_from_laser
         name = scanner_name(self.cell, capture)
-        if name not in self.mounts:
+        if not self.places(capture):
             need = "where the scanner '{scanner}' is, since a scan is of it"
             to_do = "Capture the sphere with this scanner, too, or exclude its scans."
             raise InputError(need, "only {known}", to_do, capture.id, scanner=name, known=", ".join(self.mounts))

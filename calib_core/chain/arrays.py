@@ -95,6 +95,7 @@ def chain_data(
         order=_order(stop),
         pose_scale=np.ones(count),
         points_per_independent=alike,
+        bent=np.array([o.bent for o in observations]),
         stop=stop,
         held=layout.fixed.copy(),
         arm_scale_sigma=ARM_SCALE_SIGMA if priors else 0.0,

@@ -104,6 +104,8 @@ class ChainData:
         By how much a capture's pose variance is larger than the sigmas say: captures that lie off count less.
     points_per_independent : (K,)
         How many of a capture's points say as much as one that errs by itself.
+    bent : (K,)
+        By how many times fewer these are once its scanner's errors are out of the points.
     stop : (K,) int
         Captures at one stop of the robot, of several scanners or balls, whose errors are common, have one number;
         −1: alone.
@@ -144,6 +146,7 @@ class ChainData:
     order: FloatArray
     pose_scale: FloatArray
     points_per_independent: FloatArray
+    bent: FloatArray
     stop: np.ndarray
     held: np.ndarray
     arm_scale_sigma: float = 0.0
@@ -241,7 +244,7 @@ class ChainData:
         points = np.repeat(used, lengths)
         each = (
             "rotations", "translations", "weights", "effective", "order", "pose_scale", "points_per_independent",
-            "anchors", "anchor_information", "anchor_gradient", "radii_mm", "nuisance_of", "stop",
+            "anchors", "anchor_information", "anchor_gradient", "radii_mm", "nuisance_of", "stop", "bent",
         )  # fmt: skip
         return replace(
             self,

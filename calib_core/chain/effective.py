@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.chain.observations import Observations, SphereObservation, SphereSize
-from calib_core.chain.scanner import incidence_shapes
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize, by_scanner
+from calib_core.chain.scanner import bow_of, displacements, incidence_shapes
 from calib_core.frames import FloatArray
 from calib_core.sphere.independent import along_profiles, form_floor, in_cloud
+
+_WIDTH_MM = 100.0  # of a bow of unit size
 
 
 def with_effective_points(observations: Observations, sphere: SphereSize) -> list[SphereObservation]:
@@ -18,9 +20,14 @@ def with_effective_points(observations: Observations, sphere: SphereSize) -> lis
     profiles = [o for o in observations if o.kind == "profile" and len(o.points_in_laser_mm)]
     arcs = [_arc(o) for o in profiles]
     radii = [o.size(sphere).radius_mm for o in profiles]
-    shapes = [incidence_shapes(np.abs(z) / radius) for (_, _, z), radius in zip(arcs, radii, strict=True)]
     sigmas = np.array([o.point_sigma_mm for o in profiles])
-    common = along_profiles([(a, r) for a, r, _ in arcs], sigmas, shapes)
+    residuals = [(a, r) for a, r, _ in arcs]
+    shapes = [incidence_shapes(np.abs(z) / radius) for (_, _, z), radius in zip(arcs, radii, strict=True)]
+    common = along_profiles(residuals, sigmas, shapes)
+    straight: dict[str, float] = {}
+    for some in by_scanner(profiles):
+        own = [np.hstack([shapes[k], _by_files(profiles[k], arcs[k][0], arcs[k][2])]) for k in some]
+        straight[profiles[some[0]].scanner] = along_profiles([residuals[k] for k in some], sigmas[some], own)
     lengths = {
         id(o): float(np.ptp(a)) * (o.circle_radius_mm or 0.0) for o, (a, _, _) in zip(profiles, arcs, strict=True)
     }
@@ -30,7 +37,9 @@ def with_effective_points(observations: Observations, sphere: SphereSize) -> lis
             floor = form_floor(
                 len(o.points_in_laser_mm), o.point_sigma_mm, lengths[id(o)], o.size(sphere).diameter_mm
             )
-            found.append(replace(o, points_per_independent=common + floor))
+            as_in_files = common + floor
+            bent = max(as_in_files / (straight[o.scanner] + floor), 1.0)
+            found.append(replace(o, points_per_independent=as_in_files, bent=bent))
         elif o.kind == "cloud" and len(o.points_in_laser_mm):
             found.append(replace(o, points_per_independent=_of_cloud(o, sphere)))
         else:
@@ -50,6 +59,15 @@ def _arc(o: SphereObservation) -> tuple[FloatArray, FloatArray, FloatArray]:
     order = np.argsort(sine, kind="stable")
     heights = radius * np.sqrt(1 - sine**2)
     return np.arcsin(sine)[order], (np.hypot(x, z) - radius)[order], heights[order]
+
+
+def _by_files(o: SphereObservation, angle: FloatArray, heights: FloatArray) -> FloatArray:
+    """Return how a scanner's scales, shear and bow of unit size move an arc's points along its radius, (N, 4)."""
+    x, z = o.center_in_laser_mm[[0, 2]]
+    radius = o.circle_radius_mm or 1.0
+    points = np.column_stack([x + radius * np.sin(angle), np.zeros_like(angle), z + heights])
+    normals = np.column_stack([np.sin(angle), np.zeros_like(angle), heights / radius])
+    return np.einsum("ni,nij->nj", normals, displacements(points, bow_of(points, _WIDTH_MM)))
 
 
 def _of_cloud(o: SphereObservation, sphere: SphereSize) -> float:

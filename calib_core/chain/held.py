@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.apart import Straight, straight_of
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_lengths import ArmLengths, arm_lengths_error
 from calib_core.chain.chain_data import ChainData, Sigmas
@@ -72,6 +73,8 @@ class Held:
         of `left` where there is one: errors that stay in the files look like the arm's until these are held.
     with_lengths : (P,) or None
         Covariance with the share by which the arm's lengths are off, where the scanner's errors are sought.
+    straight : Straight or None
+        Of several scanners, the answer by points without the scanners' errors.
     """
 
     state: ChainState
@@ -90,6 +93,7 @@ class Held:
     by_lengths: FloatArray | None = None
     by_poses: FloatArray | None = None
     with_lengths: FloatArray | None = None
+    straight: Straight | None = None
 
     @property
     def lengths_sigma(self) -> float:
@@ -207,6 +211,7 @@ def hold_files(judged: Judged, apply: bool) -> Held:
         covariance=covariance,
         half_width_mm=judged.data.half_width_mm,
         arm=arm,
+        straight=straight_of(judged),
         with_lengths=None if sought is None or held.lengths_sigma <= 0 else judged.inflation * sought.with_lengths,
     )
 

@@ -54,6 +54,8 @@ class SphereObservation:
         The sign of the sphere centre's y, where the user fixed it.
     points_per_independent : float
         How many of its points say as much as one that errs by itself (`chain.effective`).
+    bent : float
+        By how many times more of them it takes as a scanner's scale, shear and bow, alike in all arcs, bend them.
     without_ray : int
         How many stripe centres of its frame were dropped, as they lie beyond the fold of the camera's distortion.
     carriers : Carriers
@@ -82,6 +84,7 @@ class SphereObservation:
     point_sigma_mm: float = 0.0
     side: int | None = None
     points_per_independent: float = 1.0
+    bent: float = 1.0
     without_ray: int = 0
     carriers: Carriers = SCANNER_ON_FLANGE
     scanner: str = ""

@@ -8,6 +8,7 @@ from calib_core.errors import InputError
 from calib_core.simulation import TableScenario, TcpScenario, simulate, simulate_table
 from tests.bound import tcp_bound
 from tests.chain_bound import chain_bound
+from tests.plate_bound import plate_bound
 
 
 def moved(matrix, xi):
@@ -86,3 +87,15 @@ def test_no_bound_without_a_table_or_with_equal_angles():
         chain_bound(
             simulate_table(0, TableScenario(tcp=TcpScenario(), angles_deg=(10.0,) * 4, angle_sigma_rad=0.0))
         )
+
+
+def test_balls_that_stand_together_tell_what_one_does_and_more():
+    simulated = simulate("tcp", 3)
+    truth = simulated.truth
+    center, size = truth["sphere_center_in_base_mm"], truth["sphere_diameter_mm"]
+    one = {"name": "one", "center_mm": center, "diameter_mm": size}
+    seen = {name: ["one"] for name in truth["base_from_tool0"]}
+    options = simulated.world.options
+    place_mm, point_mm = plate_bound({**truth, "spheres": [one], "balls_seen": seen}, options)
+    assert place_mm == pytest.approx(np.sqrt(np.trace(tcp_bound(simulated)[3:, 3:])), rel=1e-4)
+    assert point_mm < place_mm

@@ -17,6 +17,7 @@ from calib_core.simulation.profile_cell import pose_numbers
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import solve_stage
 from tests.core.test_few_axes import simulated_orientation
+from tests.core.test_late_scanner import seen_by
 from tests.core.test_simulation_topology import moved
 
 OPTIONS = PartScenario(scans=6, position_sigma_mm=0.0, orientation_sigma_rad=0.0, angle_sigma_rad=0.0)
@@ -129,3 +130,34 @@ def test_scans_of_a_part_on_a_table_by_a_machine_of_few_axes_are_merged(scenario
     assert all(row.used for row in result.residuals)
     assert result.overlap_rms_mm is not None
     assert result.overlap_rms_mm < 0.4
+
+
+def test_scans_of_a_scanner_that_is_not_placed_are_left_out_and_named() -> None:
+    session, _ = seen_by("two-scanners", lambda one: one.scanner == "left")
+    patch = "".join(f"{x} {y} 190\n" for x in range(-20, 21) for y in range(-20, 21)).encode()
+    scan = {"step": "scan", "kind": "cloud", "files": ["captures/patch.xyz"]}
+
+    def merge(*scanners: str) -> MergeResult:
+        captures = [*session.record.captures]
+        for name in scanners:
+            captures.append(captures[0].model_copy(update={**scan, "id": f"scan-{name}", "scanner": name}))
+        record = session.record.model_copy(update={"captures": captures})
+        read = {file: session.read(file) for one in session.record.captures for file in one.files}
+        result = solve_stage(record, "merge", (read | {"captures/patch.xyz": patch}).__getitem__)
+        assert isinstance(result, MergeResult)
+        return result
+
+    both, alone = merge("left", "right"), merge("left")
+    assert both.points == alone.points > 0
+    told = next(one for one in both.findings if one.code == "scanner-not-placed")
+    assert told.captures == ["scan-right"]
+    assert told.text == "Not merged: scan-right. Nothing says where the scanner 'right' is."
+    assert both.verdict == "warn"
+    assert "scanner-not-placed" not in {one.code for one in alone.findings}
+    reasons = {row.capture: (row.used, row.reason) for row in both.residuals}
+    assert reasons == {
+        "scan-left": (True, None),
+        "scan-right": (False, "by 'right', whose place is not determined"),
+    }
+    with pytest.raises(cc.CalibrationError, match="where the scanner 'right' is"):
+        merge("right")

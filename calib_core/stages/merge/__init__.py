@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 12  # a part that the flange holds before scanners that stand still
+    method_revision = 13  # scans of scanners that are not placed are left out
     step = CaptureStep(
         "scan",
         "Scan",

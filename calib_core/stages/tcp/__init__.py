@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 24  # captures at one stop share all that errs there
+    method_revision = 25  # scanners stand to each other as points without their errors say
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s", "mount")}
     reads = SPHERE_READS

@@ -136,11 +136,11 @@ def _between(held: Held, one: int, other: int) -> FoundFrame:
     """Return a scanner's pose in another's frame, with what both share of their errors.
 
     It is known far better than what errors that stay in the files turn both by: these count by what they do,
-    and what is open beside them as it is without them.
+    and what is open beside them as it is without them (`chain.apart`).
     """
     layout, state = held.state.walk.layout, held.state
-    known = held.known_off
-    right = replace(state, position=state.position.moved(layout, -known))
+    known, straight = held.known_off, held.straight
+    right = straight.state if straight else replace(state, position=state.position.moved(layout, -known))
     apart, as_right = (at.mount(one).inverse() @ at.mount(other) for at in (state, right))
     first, back = right.mount(one).rotation.T, as_right.rotation.T
     # x = X₁⁻¹ X₂: an error of X₂ on its right stays, that of X₁ is seen from there.
@@ -151,7 +151,11 @@ def _between(held: Held, one: int, other: int) -> FoundFrame:
     rows[:, layout.mount(one)], rows[:, layout.mount(other)] = by_one, by_other
     names = [f"laser:{layout.mounts[n][0]}" for n in (one, other)]
     off = as_right.difference(apart)
-    covariance = rows @ (held.covariance - np.outer(known, known)) @ rows.T + np.outer(off, off)
+    covariance = rows @ (held.covariance - np.outer(known, known)) @ rows.T
+    if straight:  # what is doubted beside the points stays
+        values, vectors = np.linalg.eigh(covariance - rows @ straight.in_files @ rows.T)
+        covariance = rows @ straight.covariance @ rows.T + (vectors * np.maximum(values, 0.0)) @ vectors.T
+    covariance += np.outer(off, off)
     return FoundFrame(into=names[0], outof=names[1], matrix=apart.to_rows(), covariance=covariance.tolist())
 
 
