@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from calib_core.exports.answer import Answer
+from calib_core.exports.axis_frames import other_axes
 from calib_core.messages import message
 from calib_core.robots.read_back import ReadBack, frame_in, read_back, typed_numbers
 
@@ -19,7 +20,7 @@ def compared_with(
 ) -> ReadBack:
     """Compare numbers, or the frame of that name in a controller's files, with the answer: equal, or what differs.
 
-    Of several scanners, and of a table that is named, it is the one that is nearest, and the words say which.
+    Of several scanners, and of axes whose frame is named, it is the one that is nearest, and the words say which.
 
     Raises
     ------
@@ -29,10 +30,12 @@ def compared_with(
     scanners = {f"{one.into}_from_laser:{name}": one for name, (one, _) in answer.scanners().items()}
     scanners = scanners or {"": answer.mount_from_laser}
     into = {one.into for one in scanners.values()}
-    table = answer.base_from_turntable
-    expected = scanners if table is None else {**scanners, "base_from_turntable": table}
+    tables = {f"base_from_{one.name}": one.frame for one in other_axes(answer)}
+    if answer.base_from_turntable is not None:
+        tables["base_from_turntable"] = answer.base_from_turntable
+    expected = {**scanners, **tables}
     if files:
-        convention, values, on = frame_in(files, brand, named, into | ({"base"} if table and named else set()))
+        convention, values, on = frame_in(files, brand, named, into | ({"base"} if tables and named else set()))
         expected = {name: one for name, one in expected.items() if one.into == on}
     else:
         convention = convention or answer.session.cell.pose_convention

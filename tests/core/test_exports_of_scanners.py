@@ -72,3 +72,14 @@ def test_of_two_on_the_flange_a_check_move_asks_which() -> None:
         flange = parse_pose(convention, capture.pose or [])
         laser = parse_pose(convention, target["target"]["scanner"])
         assert np.allclose(laser.rotation, (flange @ mount).rotation, atol=1e-6)
+
+
+@pytest.mark.thorough
+def test_each_axis_of_a_positioner_is_read_back_as_its_own() -> None:
+    answer = solved("positioner")
+    content, entry = write_export(answer, "abb")
+    files = {f"x{entry.suffix}": content}
+    names = [str(one.number) for one in read_controller_files(files, "abb").frames]
+    told = [compared_with(answer, files=files, brand="abb", named=name) for name in names]
+    assert [one.equal for one in told] == [True, True]
+    assert {str(one.words).split(": ")[0] for one in told} == {"base_from_turntable", "base_from_tilt"}
