@@ -8,14 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.cell.found import SCANNER_FRAMES
+from calib_core.cell.found import SCANNER_FRAMES, of_scanner
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.arm_plan import arm_worth
 from calib_core.guidance.candidates import Candidates
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
-from calib_core.guidance.prior import MOST_TAKEN, Contradiction, known_of, several_balls_seen, situation_of
+from calib_core.guidance.prior import (
+    MOST_TAKEN,
+    Contradiction,
+    in_hand,
+    known_of,
+    several_balls_seen,
+    situation_of,
+)
 from calib_core.messages import message
 from calib_core.records import ArmTable, Capture, Cell, Measured, Meter, MeterPoint, ResultsData, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
@@ -114,7 +121,9 @@ def tcp_advice(session: Session, measured: Sequence[Measured], results: ResultsD
 
     The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
     """
-    advice = _advised(inputs_of(session, measured, results, ("tcp",), _NEWEST))
+    session = in_hand(session)
+    own = {stage: of_scanner(result, session.cell) for stage, result in results.items()}
+    advice = _advised(inputs_of(session, measured, own, ("tcp",), _NEWEST))
     accused = advice is not None and (advice.contradicted or advice.apart)
     if accused and several_balls_seen(session.cell, measured):
         return None  # of several balls any one may have been taken: the result tells them apart

@@ -10,10 +10,10 @@ from calib_core.records import Session
 from calib_core.stages.guide import guide
 
 
-def in_turn(seed: int) -> tuple[cc.OpenSession, Session]:
+def in_turn(seed: int, first: str = "gate", second: str = "arm") -> tuple[cc.OpenSession, Session]:
     """Return a cell with a scanner on the flange and one in base, which captured one after the other."""
     opened, _ = cc.simulate("scanners-on-flange-and-base", seed)
-    by = [[c for c in opened.captures if c.scanner == name] for name in ("gate", "arm")]
+    by = [[c for c in opened.captures if c.scanner == name] for name in (first, second)]
     return opened, opened.record.model_copy(update={"captures": [*chain(*zip(*by, strict=True))]})
 
 
@@ -29,8 +29,10 @@ def test_good_captures_of_two_scanners_contradict_none(count: int) -> None:
         assert ("the ball" in f"{now.instruction} {now.suggested_note}") == ("gate" in now.progress)
 
 
-def test_once_they_are_solved_it_goes_on_by_the_one_in_hand() -> None:
-    opened, session = in_turn(1)
+@pytest.mark.parametrize("order", [("gate", "arm"), ("arm", "gate")])
+def test_once_they_are_solved_it_goes_on_by_the_one_in_hand(order: tuple[str, str]) -> None:
+    opened, session = in_turn(1, *order)
+    session = session.model_copy(update={"captures": session.captures[:-1]})  # the second has taken fewer
     results = {name: one.to_json() for name, one in cc.OpenSession(session, opened.read).run().items()}
     assert guide(session, [], results).current.action == "review"
     wanted = session.model_copy(update={"cell": session.cell.model_copy(update={"wanted_mm": 0.05})})
