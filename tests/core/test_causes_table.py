@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib_core.causes.table import _lost_steps, _refined, angles_of, direction_findings, read_anew
+from calib_core.causes.table import _lost_steps, _refined, _simple, angles_of, direction_findings, read_anew
 from calib_core.chain.observations import SphereObservation, TableObservation
 from calib_core.chain.table_frame import TableFrame
 from calib_core.frames import RigidTransform
@@ -61,6 +61,12 @@ def test_angles_that_are_handed_back_are_those_that_fitted(reading: TableReading
     np.testing.assert_allclose(
         now, np.rad2deg(reading.factor * ANGLES_RAD) + np.where(np.arange(9) >= first, reading.offset_deg, 0.0)
     )
+
+
+@pytest.mark.parametrize("ratio", [(1, 1), (2, 1), (1, 2), (9, 10), (7, 60), (3, 2), (40, 3)])
+def test_a_factor_is_a_simple_fraction_where_it_nearly_is(ratio: tuple[int, int]) -> None:
+    exact = ratio[0] / ratio[1]
+    assert [_simple(sign * exact * off) for sign in (1, -1) for off in (0.999, 1.0, 1.001)] == [exact] * 6
 
 
 @pytest.mark.parametrize(("direction", "counts"), [(1, "right"), (-1, "left")])

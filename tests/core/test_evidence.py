@@ -37,9 +37,10 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
+from calib_core.records.results import VarianceComponents
 from calib_core.review.same_numbers import compare
 from calib_core.stages.evidence import stored_evidence, title_of
-from calib_core.stages.evidence_parts import BAND, residual_plot
+from calib_core.stages.evidence_parts import BAND, _in_degrees, residual_plot
 from calib_core.stages.tcp.record import TcpResidual
 
 BLOCKS = TypeAdapter(list[AnyBlock])
@@ -399,3 +400,11 @@ def test_german_has_decimal_commas_where_nothing_is_typed_in() -> None:
         assert "36.26 ± 0.26" in words
         assert "1.5" in words.replace("„1.5“", ""), "a name of somebody's own keeps its point"
     assert "36,26" not in blocks_text(blocks, said=catalogue("zh")) + blocks_html(blocks)
+
+
+def test_the_noise_is_told_by_its_standard_deviations_alone_in_degrees() -> None:
+    told = {"point_sigma_mm": 0.02, "position_sigma_mm": 0.05, "orientation_sigma_rad": 2e-4}
+    parts = VarianceComponents(**told, orientation_sigma_deg=0.0, reach_mm=90.0, reach_rad=0.2)
+    assert _in_degrees(parts) == {
+        "point_sigma_mm": 0.02, "position_sigma_mm": 0.05, "orientation_sigma_deg": np.rad2deg(2e-4)
+    }  # fmt: skip

@@ -13,6 +13,7 @@ from calib_core.records import Guide, Measured, Session
 from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
 from calib_core.stages.guide import guide
+from calib_core.stages.tcp.guide import _seen
 from calib_core.stages.tcp.motion import nearest_turn_rad
 
 HOME = RigidTransform.of(
@@ -245,3 +246,22 @@ def test_captures_of_every_kind_are_guided(scenario: str) -> None:
         first = cell.session.model_copy(update={"captures": cell.session.captures[:count]})
         assert guide(first, measured[:count], {}).current.action == "capture"
     assert guide(cell.session, measured, {}).current.action == "solve"
+
+
+def test_a_profiles_centre_stands_as_far_beside_its_plane_as_its_circle_leaves() -> None:
+    session = simulate("tcp", 4).session
+    pose = RigidTransform.of(np.eye(3), np.zeros(3), "base", "tool0")
+    radius_mm = (session.cell.sphere_diameter_mm or 0.0) / 2
+
+    def center(center_mm: list[float], circle_mm: float | None) -> list[float]:
+        seen = Measured(capture="p1", kind="profile", verdict="pass", center_mm=center_mm, radius_mm=circle_mm)
+        found = _seen(session.cell, pose, seen)
+        assert found is not None
+        return found.center_mm.tolist()
+
+    for angle in (0.0, 0.4, 1.2):
+        height = radius_mm * np.sin(angle)
+        assert center([3.0, 200.0], float(radius_mm * np.cos(angle))) == pytest.approx([3.0, height, 200.0])
+    assert center([3.0, 200.0], None) == [3.0, 0.0, 200.0]
+    assert center([3.0, 200.0], radius_mm + 1) == [3.0, 0.0, 200.0]
+    assert center([3.0, 5.0, 200.0], None) == [3.0, 5.0, 200.0]

@@ -14,6 +14,7 @@ from calib_core.records import parse_session
 from calib_core.records.evidence import Figure, Plot
 from calib_core.simulation import simulate
 from calib_core.simulation.part import build_part
+from calib_core.stages.merge.nominal import _extremes
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import run
 from server.render.report.report import report_html
@@ -88,6 +89,20 @@ def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -
     assert {block.title for block in result.evidence} >= {
         "Against the nominal", "Farthest points", "Section across y",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [3, 40, 600])
+def test_the_farthest_points_are_five_of_each_side_apart_from_each_other(count: int) -> None:
+    rng = np.random.default_rng(count)
+    points, values = rng.uniform(0, 50, (count, 3)), rng.normal(size=count)
+    found = _extremes(points, values, 10.0)
+    for sign, part in ((1, found[: len(found) // 2]), (-1, found[len(found) // 2 :])):
+        left, expected = [int(k) for k in np.argsort(-sign * values)], []
+        while left and len(expected) < 5:
+            expected.append(left[0])
+            left = [k for k in left if np.linalg.norm(points[k] - points[left[0]]) > 10.0]
+        assert [one.deviation_mm for one in part] == values[expected].tolist()
+        assert [one.point_mm for one in part] == points[expected].tolist()
 
 
 @pytest.mark.thorough

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 import calib_core as cc
-from calib_core.chain.warm_up import _largest_step, _Said, _Scores
+from calib_core.chain.warm_up import _drift, _largest_step, _Said, _Scores
 from calib_core.records import Session
 from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import cell_drift
@@ -126,16 +127,36 @@ def test_the_drift_of_a_cell_tells_it_of_each_session() -> None:
     assert told.within[0].sentence.startswith("The scanner")
 
 
+def scores_of(off_mm: FloatArray, sigma_mm: float) -> _Scores:
+    """What independent captures (K, 3) say of a drift, each as noisy as all."""
+    count = len(off_mm)
+    said = off_mm / sigma_mm**2, np.tile(np.eye(3) / sigma_mm**2, (count, 1, 1)), np.zeros((count, 3, 1))
+    misfit = float((off_mm**2).sum()) / sigma_mm**2
+    return _Scores(*said, "scanner", _Said(*said), np.zeros((1, 1)), np.zeros(1), misfit)
+
+
 @pytest.mark.parametrize("after", [2, 3, 7, 12, 13])
 def test_the_likeliest_sudden_shift_is_that_of_the_best_of_all_splits(after: int) -> None:
     """Independent captures of one noise: a split takes off χ² what the mean before it is off, by least squares."""
     rng, sigma_mm, count = np.random.default_rng(after), 0.05, 15
     off = rng.normal(0, sigma_mm, (count, 3)) + np.where(np.arange(count) < after, 0.4, 0.0)[:, None]
-    said = off / sigma_mm**2, np.tile(np.eye(3) / sigma_mm**2, (count, 1, 1)), np.zeros((count, 3, 1))
-    scores = _Scores(*said, "scanner", _Said(*said), np.zeros((1, 1)), np.zeros(1), 0.0)
+    scores = scores_of(off, sigma_mm)
     gains = []
     for first in range(2, count - 1):
         left = off.copy()
         left[:first] -= off[:first].mean(axis=0)
         gains.append(float((off**2).sum() - (left**2).sum()) / sigma_mm**2)
     assert _largest_step(scores) == pytest.approx(max(gains), rel=1e-3)
+
+
+def test_how_rarely_chance_gives_as_much_is_as_stated_whatever_the_sigmas() -> None:
+    """Chances of what does not drift are spread evenly from 0 to 1, also where the noise is thrice as told."""
+    rng, weights = np.random.default_rng(8), np.linspace(1, 0, 80)
+    chances = [
+        _drift(scores_of(rng.normal(0, told * 0.05, (80, 3)), 0.05), None, weights).chance
+        for told in (1.0, 3.0)
+        for _ in range(200)
+    ]
+    assert kstest(chances, "uniform").pvalue > 1e-3
+    drifting = rng.normal(0, 0.05, (80, 3)) + 0.1 * weights[:, None]
+    assert _drift(scores_of(drifting, 0.05), None, weights).chance < 1e-6
