@@ -40,7 +40,10 @@ def go_through(address: str, count: int, hit_in: int, knocked_in: int) -> list[A
                 assert night.did == "alarm", night
                 # The same answer goes on, marked: the cell has changed.
                 assert before["faults"] == []
-                assert nights.in_force() == {**before, "faults": ["drift"]}
+                now = nights.in_force()
+                told, *others = now["findings"]
+                assert told["code"] == "cell-drifted"
+                assert {**now, "findings": others} == {**before, "faults": ["drift"]}
                 with pytest.raises(ProblemError, match="acknowledge"):
                     api.cells_release(night.session, {"why": "looked at"})
                 api.cells_acknowledge_fault(cell.cell["id"], {"fault": "drift", "why": "the scanner was hit"})
