@@ -116,7 +116,11 @@ def _mutant(draw: random.Random) -> tuple[Path, int, str] | None:
 
 def _changes_nothing(text: str, changed: str) -> bool:
     """Return whether a change is one of those that no outcome tells, as the module says."""
-    for was, now in zip(ast.walk(ast.parse(text)), ast.walk(ast.parse(changed)), strict=False):
+    try:
+        tree = ast.parse(changed)
+    except SyntaxError:  # a `*` among arguments
+        return True
+    for was, now in zip(ast.walk(ast.parse(text)), ast.walk(tree), strict=False):
         if type(was) is not type(now):
             return False
         if isinstance(was, ast.keyword) and was.arg == "strict" and ast.dump(was) != ast.dump(now):
