@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2, f
 
 from calib_core.errors import MeasurementError
-from calib_core.fusion.alignment import Alignment, _clustered, best_fit
+from calib_core.fusion.alignment import Alignment, _clustered, _turn_rad, best_fit
 from calib_core.fusion.datums import Feature, by_datums, on_nominal
 from calib_core.fusion.deviation import Nominal
 from calib_core.simulation.part import build_part
@@ -163,3 +163,10 @@ def test_deviations_of_one_part_of_the_nominal_count_once_together() -> None:
     wider = 6 * 63 / 58 * f.ppf(0.95, 6, 58) / chi2.ppf(0.95, 6)  # Hotelling's, of 64 that are alike
     found = _clustered(rows, distance, np.eye(6), there, nominal)
     np.testing.assert_allclose(found, wider * within, rtol=1e-3, atol=1e-6 * np.abs(within).max())
+
+
+def test_how_far_a_pose_is_turned_is_its_rotations_angle() -> None:
+    for angle in (0.0, 0.01, 1.0, 2.0, 3.1):
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_rotvec(angle * np.array([0.6, 0.0, -0.8])).as_matrix()
+        assert _turn_rad(pose) == pytest.approx(angle, abs=1e-6)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from calib_core.archive.folder import save_session
-from calib_core.arms.errors import arm_moves, arm_terms
+from calib_core.arms.errors import _to_next, arm_moves, arm_terms
 from calib_core.arms.inverse import joints_of_pose
 from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
 from calib_core.exports.export import export
@@ -225,3 +225,31 @@ def test_a_coupled_joint_moves_the_flange_by_the_reading_of_the_one_before(behin
         for by in (-1e-5, 1e-5)
     ]
     assert np.allclose(move[:3], (ends[1].translation_mm - ends[0].translation_mm) / 2e-5, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("between", "turned"),
+    [([3.0, 40.0, 5.0], 1.2), ([0.0, 0.0, 70.0], 0.5), ([30.0, -20.0, 9.0], 0.0), ([0.0, 0.0, 50.0], 0.0)],
+    ids=["skew", "crossing", "parallel", "one line"],
+)
+@pytest.mark.parametrize("beyond", [[10.0, 0.0, 0.0], [0.0, 0.0, 80.0], None])
+def test_the_common_normal_of_two_axes_is_square_to_both_from_where_they_are_nearest(
+    between: list[float], turned: float, beyond: list[float] | None
+) -> None:
+    axes = [np.array([0.0, 0.0, 1.0]), np.array([0.0, np.sin(turned), np.cos(turned)])]
+    points = [np.array([100.0, 50.0, 20.0])]
+    points.append(points[0] + between)
+    if beyond is not None:
+        points.append(points[1] + beyond)
+    parallel, normal, foot = _to_next(np.array(points), np.array(axes), 0)
+    assert parallel == (turned == 0.0)
+    assert np.linalg.norm(normal) == pytest.approx(1.0)
+    assert [normal @ axes[0], normal @ axes[1]] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert np.linalg.norm(np.cross(foot - points[1], axes[1])) == pytest.approx(0.0, abs=1e-9)
+    off = foot - points[0]
+    if not parallel:  # no other place of the next axis is nearer to this one
+        assert np.linalg.norm(off - (off @ axes[0]) * axes[0]) <= min(
+            np.linalg.norm(np.cross(foot + step * axes[1] - points[0], axes[0])) for step in (-0.1, 0.1)
+        )
+    elif np.linalg.norm(between[:2]) > 0:
+        assert normal * np.linalg.norm(between[:2]) == pytest.approx([*between[:2], 0.0])

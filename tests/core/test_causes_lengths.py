@@ -9,7 +9,7 @@ from wrong_lengths import ANGLES, scaled_files, told_angles
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.causes.apply import applied, changes_for
-from calib_core.causes.scales import scale_causes
+from calib_core.causes.scales import SeenArcs, scale_causes
 from calib_core.causes.session import session_causes
 from calib_core.causes.table import table_causes
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
@@ -17,6 +17,7 @@ from calib_core.findings import causes_of
 from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
 from calib_core.simulation import SimulatedSession, simulate
+from calib_core.sphere.arc import fit_arc
 from calib_core.stages.pipeline import run, solve_stage
 from calib_core.stages.turntable.verdict import angles_that_do_not_fit
 from tests.every_code.turntable import whole
@@ -155,3 +156,26 @@ def test_a_capture_of_nothing_keeps_no_moved_sphere_from_being_named() -> None:
     found = solve_stage(cell.session, "tcp", cell.files.__getitem__).findings
     assert found[0].code == "moved-sphere"
     assert "p014" not in found[0].captures
+
+
+def test_circles_are_searched_by_their_algebraic_centres_whatever_the_scales() -> None:
+    """What sums of powers give at once is what a linear least-squares fit of each scaled arc gives."""
+    rng = np.random.default_rng(3)
+    angles = np.linspace(0.3, 2.2, 60)
+    arcs = [
+        rng.uniform(-30, 30, 2)
+        + 40 * np.column_stack([np.cos(angles), np.sin(angles)])
+        + rng.normal(0, 0.1, (60, 2))
+        for _ in range(3)
+    ]
+    fit = fit_arc(arcs[0], 80.0)
+    told = SeenArcs(simulate("tcp", 1).session.cell, [], [(points, fit) for points in arcs], [])
+    scales = np.array([[1.0, 1.0], [25.4, 25.4], [1.0, 1.08], [0.9, 1.1]])
+    found = told.circle_centers(scales)
+    assert np.all(found[:, :, 1] == 0.0)
+    for k, points in enumerate(arcs):
+        for n, scale in enumerate(scales):
+            scaled = points * scale
+            system = np.column_stack([2 * scaled, np.ones(len(scaled))])
+            center = np.linalg.lstsq(system, (scaled**2).sum(axis=1), rcond=None)[0][:2]
+            np.testing.assert_allclose(found[n, k, [0, 2]], center, rtol=1e-6)

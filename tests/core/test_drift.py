@@ -8,12 +8,14 @@ from typing import Any
 import bench_drift
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.records.policy import Environment
-from calib_core.review.between_sessions import SolvedSession
+from calib_core.review.between_sessions import Measured, SolvedSession
 from calib_core.review.drift import CellDrift, cell_drift, charted
+from calib_core.review.drift_trend import _slope_by_scatter
 
 SPREAD = np.diag([1e-4, 1e-4, 1e-4, 0.03, 0.02, 0.05]) ** 2
 
@@ -261,3 +263,21 @@ def test_the_step_that_a_night_finds_at_once_is_stated() -> None:
             found[share] += charted([*nights[:-1], bench_drift.moved(nights[-1], np.array(there))])[-1].flagged
     assert 0.92 * 400 <= found[1.0] <= 0.98 * 400
     assert found[0.6] < 0.5 * 400
+
+
+def test_the_slope_by_scatter_is_within_its_uncertainty_and_chance_within_its_own() -> None:
+    """Sessions that scatter by half of what is stated: ± of two sigmas holds 95 of 100, and chances are even."""
+    rng, places = np.random.default_rng(4), np.arange(20.0) - 9.5
+    one = nightly(1)
+    held, chances = [], []
+    for _ in range(200):
+        off = rng.normal(0, 0.05, 20)
+        figures = [
+            Measured(one, np.array([0.2 * x + y]), np.eye(1) * 0.1**2) for x, y in zip(places, off, strict=True)
+        ]
+        slope, uncertainty, _ = _slope_by_scatter(figures, places)
+        held.append(abs(slope - 0.2) <= uncertainty)
+        quiet = [Measured(one, np.array([y]), np.eye(1) * 0.1**2) for y in off]
+        chances.append(_slope_by_scatter(quiet, places)[2])
+    assert 0.9 < np.mean(held) < 0.99
+    assert kstest(chances, "uniform").pvalue > 1e-3

@@ -87,7 +87,9 @@ def test_what_is_missing_comes_first(cell: Session, change: dict[str, Any], word
 
 def test_radians_are_named() -> None:
     session, results = after_tcp(simulate("turntable-radians", 4).session, 16)
-    assert "radians" in guided(session, results).current.why
+    now = guided(session, results).current
+    assert "radians" in now.why
+    assert f"table's angle in degrees of {session.captures[-1].id}" in now.instruction
 
 
 def test_small_angles_of_whole_degrees_are_no_radians(cell: Session) -> None:

@@ -9,12 +9,12 @@ import pytest
 
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
-from calib_core.records import Session
+from calib_core.records import Session, parse_session
 from calib_core.records.evidence import Quantity, Table
 from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import retake, simulate, simulate_verify
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS
-from calib_core.stages.pipeline import run
+from calib_core.stages.pipeline import run, solve_stage
 from calib_core.stages.verify.decision import decided, probing
 from calib_core.stages.verify.evidence import capability_of_captures
 from calib_core.stages.verify.record import VerifyResult
@@ -283,3 +283,15 @@ def test_captures_that_repeat_a_pose_tell_what_the_cell_is_capable_of() -> None:
     for some in (turned, own[:1]):
         others = made.session.model_copy(update={"captures": [*made.session.captures, *some]})
         assert not capability_of_captures(others, result)
+
+
+def test_a_capture_that_is_left_out_keeps_its_row_and_the_others_theirs() -> None:
+    made = simulate("verify", 3)
+    whole = solve_stage(made.session, "verify", made.files.__getitem__)
+    names = [row.capture for row in whole.residuals]
+    record = made.session.to_json()
+    for capture in record["captures"]:
+        capture["excluded"] = capture["id"] == names[1]
+    fewer = solve_stage(parse_session(record), "verify", made.files.__getitem__)
+    assert [row.capture for row in fewer.residuals] == names
+    assert [row.capture for row in fewer.residuals if not row.used] == [names[1]]
