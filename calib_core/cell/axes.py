@@ -2,15 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final, Literal
+from typing import Literal
 
 from calib_core.cell.carriers import stands_still
-from calib_core.cell.layout import MovedAxis
+from calib_core.cell.layout import TABLE, MovedAxis
 from calib_core.records import Capture, Cell, CellAxis
 from calib_core.steps import steps_that_show
-
-TABLE: Final = "table"
-"""The name of the axis that `cell.turntable` and a capture's `table_deg` tell of."""
 
 
 def frame_of(carrier: str) -> str:

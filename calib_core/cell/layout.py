@@ -7,7 +7,7 @@ ball's place (x y z), every axis, the other places, the other mounts.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector
 
 Carrier = Literal["tool0", "base"]
 """The frames that carry scanners."""
+TABLE: Final = "table"
+"""The name of the axis that `cell.turntable` and a capture's `table_deg` tell of."""
 
 AXIS_UNKNOWNS = 5
 """rx ry (tilts, on the right), tx ty (shifts along the axis's own x and y), and the scale of what is read."""
@@ -161,8 +163,9 @@ class Layout:
         return [a for a, axis in enumerate(self.axes) if axis.carries == "object" and self.rides[:, a].any()]
 
     def named(self, which: int) -> str:
-        """Return an axis's name where there are others; empty for the one table."""
-        return self.axes[which].name if len(self.carrying) > 1 else ""
+        """Return an axis's name; empty for the turntable where there are no others."""
+        axis = self.axes[which]
+        return "" if len(self.carrying) < 2 and (axis.name, axis.kind) == (TABLE, "rotary") else axis.name
 
     @property
     def mountings(self) -> tuple[str, ...]:

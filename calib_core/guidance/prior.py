@@ -12,8 +12,6 @@ from calib_core.captures.content import sphere_of
 from calib_core.cell.carriers import (
     ball_on_flange,
     balls_in_sight,
-    of_one_scanner,
-    scanner_name,
     tells_diameter,
 )
 from calib_core.cell.found import (
@@ -25,6 +23,7 @@ from calib_core.cell.found import (
     placed_scanner,
     scanner_frame,
 )
+from calib_core.cell.in_hand import in_hand
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
@@ -150,18 +149,6 @@ def known_of(
     agreeing = [one for one in taken if one.capture not in apart]
     agreed = place.by_captures and not apart
     return Situation(agreeing, assumed, room, agreed, apart, with_arm, workpiece)
-
-
-def in_hand(session: Session, step: str = "tcp") -> Session:
-    """Return a session of several scanners as that one has it whose captures of a step are being taken."""
-    scanners = session.cell.scanners or {}
-    own = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
-    if len(scanners) < 2 or not own:
-        return session
-    name = of_one_scanner(own, _LEAST_SEARCHED)[-1].scanner or next(iter(scanners))
-    cell = session.cell.model_copy(update={"scanners": {name: scanners[name]}})
-    captures = [c for c in session.captures if c.step != step or scanner_name(session.cell, c) == name]
-    return session.model_copy(update={"cell": cell, "captures": captures})
 
 
 def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:

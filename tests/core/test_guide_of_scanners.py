@@ -7,6 +7,8 @@ import pytest
 import calib_core as cc
 from calib_core.captures.measure import measure_capture
 from calib_core.records import Session
+from calib_core.records.session import Known
+from calib_core.records.topology import KnownFrame
 from calib_core.stages.guide import guide
 
 
@@ -41,3 +43,18 @@ def test_once_they_are_solved_it_goes_on_by_the_one_in_hand(order: tuple[str, st
     assert now.meter is not None
     assert now.meter.uncertainty_mm is not None
     assert now.meter.uncertainty_mm < 1.0
+
+
+def test_a_scanner_that_took_nothing_yet_is_asked_for_before_the_solve() -> None:
+    opened, _ = cc.simulate("two-scanners-in-turn", 5)
+    session = opened.record
+    left = session.model_copy(update={"captures": [c for c in session.captures if c.scanner == "left"]})
+    measured = [measure_capture(left, one, opened.read) for one in left.captures]
+    now = guide(left, measured, {}).current
+    assert (now.action, str(now.progress)) == ("capture", "Scanner right: 0 of 10 captures")
+    result = cc.OpenSession(left, opened.read).run("tcp")["tcp"].to_json()
+    assert guide(left, measured, {"tcp": result}).current.action == "capture"
+    known = KnownFrame(into="tool0", outof="laser", scanner="right", matrix=result["tool0_from_laser"])
+    cell = left.cell.model_copy(update={"known": Known(frames=[known])})
+    told = left.model_copy(update={"cell": cell})
+    assert guide(told, measured, {}).current.action == "solve"  # nothing of it is to be found

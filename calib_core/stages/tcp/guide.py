@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.content import pose_of
-from calib_core.cell.carriers import ball_on_flange, stands_apart
+from calib_core.cell.carriers import ball_on_flange, scanner_names, stands_apart
 from calib_core.cell.found import carriers_found, turns_little
+from calib_core.cell.in_hand import in_hand, only_scanner, scanners_left
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
-from calib_core.guidance.prior import in_hand
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
 from calib_core.messages import Message, message, sentences
 from calib_core.records import Capture, Cell, GuideNow, Measured
@@ -55,8 +55,11 @@ def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the TCP step, None where the tool is given with the cell."""
     of_all, view = view.session, replace(view, session=in_hand(view.session))
     now = _guide(view)
+    if now is not None and now.action != "capture" and (left := scanners_left(of_all)):
+        view = replace(view, session=only_scanner(of_all, left[0]))
+        now = _guide(view)
     if now is not None and now.action == "capture" and view.session is not of_all:
-        (scanner,) = view.session.cell.scanners or ()
+        (scanner,) = scanner_names(view.session.cell)
         progress = message("Scanner {scanner}: {progress}", scanner=scanner, progress=now.progress)
         now = now.model_copy(update={"progress": progress})
     if now is None or not ball_on_flange(view.session.cell):
