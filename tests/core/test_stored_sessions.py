@@ -109,7 +109,8 @@ def test_frames_of_before_replay_to_the_same_numbers(tmp_path: Path) -> None:
     replayed = {stage.stage: stage for stage in replay(archive).stages}
     assert set(replayed) == {"camera", "laser-plane", "tcp"}
     # Since revision 5 of the camera light that falls off to the border draws no corner any more, and since its
-    # revision 10 a slight bend is allowed for.  Lines count otherwise since revisions 3 and 11 of the plane.
+    # revision 10 a slight bend is allowed for.  Lines count otherwise since revisions 3, 11 and 12 of the plane: it
+    # moved by more than a sigma, from 2.7 to 1.6 sigmas off the truth.
     with zipfile.ZipFile(archive) as stored:
         stored.extractall(tmp_path)
     folder = tmp_path / "frames" / "data"
@@ -122,8 +123,7 @@ def test_frames_of_before_replay_to_the_same_numbers(tmp_path: Path) -> None:
     assert squared(new_lens - true_lens, lens) < 18.5  # of four degrees of freedom: once in a thousand beyond
     old_plane, new_plane, true_plane = map(plane_of, (before["laser-plane"], now["laser-plane"].to_json(), truth))
     spread = np.array(before["laser-plane"]["plane_covariance"])
-    assert squared(new_plane - old_plane, spread) < 1
-    assert squared(new_plane - true_plane, spread) < 16.3
+    assert squared(new_plane - true_plane, spread) < min(16.3, squared(old_plane - true_plane, spread))
     old = before["tcp"]
     assert apart(old["tool0_from_laser"], now["tcp"].tool0_from_laser, old["covariance"]) < 0.5
 
