@@ -60,7 +60,8 @@ def pose_causes(
     captures : sequence of Capture
         All of the session: those of the observations, and others whose poses are to be changed with them.
     observations : sequence of SphereObservation
-        One a capture, of the sphere standing still; their poses are not looked at.
+        One a capture, of a sphere that stands still or is on the flange; their poses are not looked at.  Of
+        several scanners or spheres those are tried that most captures are of.
     sphere : SphereSize
 
     Returns
@@ -69,6 +70,7 @@ def pose_causes(
         With their remedies, the likeliest first; none where the poses fit as they are, or fewer than seven
         captures show the sphere.
     """
+    observations = of_main_scanner(observations)
     by_id = {capture.id: capture for capture in captures}
     rows = [by_id[o.capture].pose for o in observations]
     numbers = [row for row in rows if row is not None]
@@ -99,8 +101,8 @@ def _tried(
     hypotheses: list[Posed] = []
     meant: list[Reading] = []
     told = Reading.told(CONVENTIONS[cell.pose_convention])
-    for reading in readings(cell, rows):
-        poses = poses_of(reading, rows)
+    by_reading = {reading: _across_robot(reading, rows, observations) for reading in readings(cell, rows)}
+    for reading, poses in by_reading.items():
         if poses is None:
             continue
         hypotheses.append(Posed(poses, everyone))
@@ -115,7 +117,6 @@ def _tried(
     if not hypotheses:
         return []
     centers = centers_of(observations, sphere)
-    by_reading = {reading: poses_of(reading, rows) for reading in dict.fromkeys(meant)}
     starts = [(meant[h], start) for h, start in best_starts(centers, hypotheses, _SETTLED).items()]
     own = by_reading.get(told)
     if own is not None:
@@ -139,6 +140,23 @@ def _tried(
             cost = order.cost + _COST_OF_A_FACTOR * changed
             found.append(_Tried(poses, reading, start, order, cost, _off(misfits, order)))
     return found
+
+
+def _across_robot(
+    reading: Reading, rows: Sequence[Sequence[float]], observations: Observations
+) -> list[RigidTransform] | None:
+    """Return the poses by a reading from what carries the scanner; None where it cannot read them."""
+    poses = poses_of(reading, rows)
+    if poses is None:
+        return None
+    return [o.carriers.ball_from_scanner(pose) for o, pose in zip(observations, poses, strict=True)]
+
+
+def of_main_scanner(observations: Observations) -> Observations:
+    """Return the observations of one ball by one scanner, those that are most."""
+    of = [(o.scanner, o.carriers, o.ball) for o in observations]
+    most = max(dict.fromkeys(of), key=of.count, default=None)
+    return [o for o, one in zip(observations, of, strict=True) if one == most]
 
 
 def _with_swaps(centers: Centers, poses: list[RigidTransform]) -> list[Start]:

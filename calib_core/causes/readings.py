@@ -133,12 +133,7 @@ class Reading:
                     message("with angles in radians") if self.radians else message("with angles in degrees")
                 )
         if self.way == "inverted":
-            found.append(
-                message(
-                    "inverted (the base in the flange's frame, or a scanner that stands still and a sphere on the "
-                    "flange: cell.arrangement)"
-                )
-            )
+            found.append(message("inverted (the base in the flange's frame, or cell.arrangement is wrong)"))
         if self.way == "transposed":
             found.append(message("with transposed rotations (the base's in the flange's frame)"))
         return Message("{parts:,}", {"parts": found})

@@ -6,6 +6,7 @@ with the right one the sphere's centres lie closest together.  A few per mille a
 the tcp stage finds these itself (`chain.scanner`).
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +17,7 @@ from calib_core.captures.content import pose_of, read_points
 from calib_core.captures.observe import arc_observation
 from calib_core.causes.apply import settings_of
 from calib_core.causes.search import MUCH_CLOSER, Posed, started
-from calib_core.cell.carriers import with_diameter
+from calib_core.cell.carriers import carriers_of, with_diameter
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.chain.start_search import Sought, random_rotations
@@ -92,6 +93,8 @@ def scale_causes(
         If a file or a pose is of no use.
     """
     used = [c for c in captures if not c.excluded]
+    scanners = Counter(c.scanner for c in used)
+    used = [c for c in used if c.scanner == scanners.most_common(1)[0][0]]  # each has a place of its own
     profiles = [c for c in used if c.kind == "profile"]
     if len(profiles) < max(LEAST_CAPTURES, len(used)):
         return []
@@ -186,6 +189,12 @@ class SeenArcs:
     arcs: list[tuple[FloatArray, ArcFit]]
     poses: list[RigidTransform]
 
+    @property
+    def across_robot(self) -> list[RigidTransform]:
+        """The poses from what carries the scanner into what carries the ball."""
+        ways = (carriers_of(self.cell, capture) for capture in self.captures)
+        return [way.ball_from_scanner(pose) for way, pose in zip(ways, self.poses, strict=True)]
+
     @classmethod
     def of(
         cls, session: Session, captures: Sequence[Capture], points: dict[str, FloatArray], ratio: float
@@ -240,7 +249,7 @@ class SeenArcs:
         centers = centers_of(some, sphere)
         if near is None:
             return find_start(centers).scatter_mm
-        posed = Posed([o.base_from_tool0 for o in some], np.ones(len(some), dtype=bool))
+        posed = Posed([o.ball_from_scanner for o in some], np.ones(len(some), dtype=bool))
         return started(posed, centers, [near]).scatter_mm
 
 
@@ -274,8 +283,9 @@ def _closest(
     measured = seen.circle_centers(scales)
     count = len(turned)
     shape = (len(scales) * count, len(seen.poses))
-    rotations = np.broadcast_to(np.array([pose.rotation for pose in seen.poses]), (*shape, 3, 3))
-    translations = np.broadcast_to(np.array([pose.translation_mm for pose in seen.poses]), (*shape, 3))
+    poses = seen.across_robot
+    rotations = np.broadcast_to(np.array([pose.rotation for pose in poses]), (*shape, 3, 3))
+    translations = np.broadcast_to(np.array([pose.translation_mm for pose in poses]), (*shape, 3))
     weight = np.broadcast_to(np.array([1.0, 0.0, 1.0]), (*shape, 3))
     sought = Sought(rotations, translations, np.repeat(measured, count, axis=0), weight)
     starts = np.tile(turned, (len(scales), 1, 1))

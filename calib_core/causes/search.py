@@ -27,7 +27,10 @@ _LEAST_SCALE_MM = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """A hypothesis: a pose for each of K captures; `known` (K,) is false where it has none."""
+    """A hypothesis: for each of K captures a pose, from what carries its scanner into what carries its ball.
+
+    `known` (K,) is false where it has none.
+    """
 
     poses: Sequence[RigidTransform]
     known: np.ndarray

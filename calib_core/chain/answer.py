@@ -44,11 +44,6 @@ class Answer:
     leave_one_out_rms_mm: FloatArray
 
     @property
-    def ball_stands_still(self) -> bool:
-        """Whether base carries the sphere, so that all captures see it at one place."""
-        return self.ball == "base"
-
-    @property
     def leave_one_out_surface_rms_mm(self) -> float | None:
         """Root of the mean, over used captures, of the left-out captures' mean squared distances."""
         known = self.leave_one_out_rms_mm[np.isfinite(self.leave_one_out_rms_mm)]

@@ -5,7 +5,7 @@ from calib_core.findings.code import Code
 POSES_DO_NOT_FIT = Code(
     "poses-do-not-fit",
     "error",
-    text="Poses and scans do not fit together: the sphere's centre scatters by {scatter_mm:.1f} mm in base.",
+    text="Poses and scans do not fit together: the sphere's centre scatters by {scatter_mm:.1f} mm.",
     to_do="Check the pose convention, the units, and that every capture has its own pose.",
     meaning="No tool brings the captures of the sphere to one place. Any answer would be wrong.",
     decided="The sphere's centres scatter by more than 5 mm about their mean, or the poses' estimated standard "

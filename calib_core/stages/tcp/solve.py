@@ -86,10 +86,8 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
     of_flange = flange_findings(given.session.cell, fit)
     found += arm_findings(given.session.cell, solved.solution.arm, [] if of_flange else fit)
-    # Other readings of poses are tried for a sphere that stands still alone.
-    stands = solved.solution.joint.ball_stands_still
     nothing_fits = has(found, codes.POSES_DO_NOT_FIT)
-    causes = _causes_of_poses(given, solved, nothing_fits) if stands and _is_doubtful(found, solved) else []
+    causes = _causes_of_poses(given, solved, nothing_fits) if _is_doubtful(found, solved) else []
     about_causes = {name for cause in causes for name in cause.captures}
     of_all = any(not cause.captures for cause in causes)  # such as lengths, of which one or two may stick out
     told = [one for one in found if one.remedy is None or not (of_all or about_causes & set(one.captures))]
