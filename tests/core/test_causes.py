@@ -26,6 +26,8 @@ from calib_core.stages.pipeline import run
 from calib_core.stages.tcp.verdict import incident_finding
 from server.cli import main
 from server.http.errors import problem
+from tests.trouble import all_troubles, troubled
+from tests.trouble.cell import Scanners
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +105,23 @@ def test_a_whole_list_in_a_wrong_order_is_named_first_and_handed_out_anew(cell: 
     assert cause.kind == "pose-list-order"
     mended, _ = applied(session, changes_for(session, cause))
     assert repaired(mended, cell.poses)
+
+
+@pytest.mark.thorough(keep=2)
+@pytest.mark.parametrize("scanners", ["fixed", "two", "both"])
+def test_poses_before_other_scanners_are_doubted_where_they_are_wrong_alone(scanners: Scanners) -> None:
+    made = troubled(all_troubles()["arms: clean"], 1, scanners=scanners)
+    session = made.session
+    observations = [observe_capture(session, c, made.files.__getitem__) for c in session.captures]
+    cell = Measured(session, observations, sphere_of(session.cell, session.captures))
+    assert causes_found(cell, session) == []
+    for told, written, inverse in (("fanuc", "kuka", False), ("abb", "abb", True)):
+        wrong = rewritten(session, told, writer(written, 1.0, inverse))
+        cause = causes_found(cell, wrong)[0]
+        assert cause.kind == "pose-reading"
+        assert ("inverted" if inverse else "'kuka'") in cause.title
+        mended, _ = applied(wrong, changes_for(wrong, cause))
+        assert repaired(mended, cell.poses)
 
 
 def test_right_poses_are_not_doubted(cell: Measured) -> None:
