@@ -234,7 +234,7 @@ def test_one_orientation_only(folder, capsys):
 
     change(folder, one_orientation)
     assert main(["run", str(folder), "--stage", "tcp"]) == 1
-    assert "Check the pose convention" in capsys.readouterr().out
+    assert "Check the pose convention" in " ".join(capsys.readouterr().out.split())
 
 
 def test_too_few_captures(folder, capsys):
