@@ -86,7 +86,13 @@ def test_scaled_profiles_are_named_and_read_rightly_once_it_is_applied(
 ) -> None:
     files = scaled_files(still.files, x, z)
     told = sphere_of(still.session.cell, [])
-    cause = causes_of(scale_causes(still.session, still.session.captures, files.__getitem__, told))[0]
+    causes = causes_of(scale_causes(still.session, still.session.captures, files.__getitem__, told))
+    scatters = [
+        one.after for cause in causes for one in cause.evidence if one.after is not None and one.unit == "mm"
+    ]
+    assert len(scatters) == len(causes)
+    assert max(scatters) < 2.3 * min(scatters)  # what fits much worse than another is not told beside it
+    cause = causes[0]
     assert cause.kind == "scaled-profile"
     assert cause.point_settings.get("x_scale", 1.0) * x == pytest.approx(1, abs=0.006)
     assert cause.point_settings.get("z_scale", 1.0) * z == pytest.approx(1, abs=0.006)

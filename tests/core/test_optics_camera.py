@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from calib_core.errors import InputError, MotionError
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, vector_from_rotation
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import camera_findings
@@ -84,6 +84,32 @@ def test_plain_camera_is_found_within_its_covariance() -> None:
         assert solution.corner_sigma_px == pytest.approx(0.05, rel=0.1)
     low, high = chi2.ppf([0.005, 0.995], 9 * runs) / runs
     assert low < np.mean(scores) < high
+
+
+@pytest.mark.parametrize("sigma_px", [0.02, 0.08])
+def test_the_covariance_is_that_of_all_corners_together_by_an_independent_jacobian(sigma_px: float) -> None:
+    from scipy.optimize import least_squares
+
+    views = simulate(PLAIN, 12, 3, sigma_px)
+    solution = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
+    poses = [pose for pose in solution.camera_from_board if pose is not None]
+    assert len(poses) == 12
+    found = solution.camera.camera_matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+    at = [found, solution.camera.distortion[:5]]
+    at += [np.concatenate([vector_from_rotation(pose.rotation), pose.translation_mm]) for pose in poses]
+
+    def residuals(x: FloatArray) -> FloatArray:
+        matrix = np.array([[x[0], 0, x[2]], [0, x[1], x[3]], [0, 0, 1]])
+        names = dict(zip(("k1", "k2", "p1", "p2", "k3"), x[4:9].tolist(), strict=True))
+        camera = CameraModel.from_names(matrix, names, SIZE)
+        places = x[9:].reshape(-1, 6)
+        shown = [camera.project(BOARD @ Rotation.from_rotvec(v[:3]).as_matrix().T + v[3:]) for v in places]
+        return np.concatenate([(a - b.points_px).ravel() for a, b in zip(shown, views, strict=True)])
+
+    here = least_squares(residuals, np.concatenate(at), x_scale="jac", max_nfev=1)
+    assert np.sqrt(np.mean(here.fun**2)) == pytest.approx(sigma_px, rel=0.1)
+    expected = sigma_px**2 * np.linalg.inv(here.jac.T @ here.jac)[:9, :9]
+    np.testing.assert_allclose(np.sqrt(np.diag(solution.covariance)[:9]), np.sqrt(np.diag(expected)), rtol=0.15)
 
 
 def test_the_plain_model_stays_where_it_is_true() -> None:
