@@ -290,6 +290,11 @@ def test_a_board_printed_wide_is_named_and_the_camera_within_what_is_stated(roll
     assert (np.abs(change) < 3 * np.sqrt(np.diag(solved.covariance)[:2])).all()
     right = calibrate_camera(bent_views(5, 0.0, 1.0, roll), SIZE, CameraOptions(refine_board=None))
     assert right.pitch is None
+    # Upright boards tell it by fx / fy alone, as well as pixels are square; turned ones by their corners too.
+    slopes = np.array([1, -1]) / np.diag(SQUARE.camera_matrix)[:2]
+    by_focals = float(np.hypot(np.sqrt(slopes @ right.covariance[:2, :2] @ slopes), 5e-4))
+    assert solved.pitch is not None
+    assert solved.pitch.sigma == pytest.approx(by_focals, rel=0.3) if roll < 1 else solved.pitch.sigma < by_focals
 
 
 @pytest.mark.parametrize("count", [0, 2])
