@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -35,7 +35,7 @@ def _texts(part: ast.expr, named: dict[str, list[ast.expr]]) -> Iterator[str]:
             yield from _texts(value, {})
 
 
-def _named(function: ast.AST) -> dict[str, list[ast.expr]]:
+def _named(function: Iterable[ast.AST]) -> dict[str, list[ast.expr]]:
     """Return what names stand for, in assignments and in loops over what is written there."""
     found: dict[str, list[ast.expr]] = {}
 
@@ -49,7 +49,7 @@ def _named(function: ast.AST) -> dict[str, list[ast.expr]]:
             note(target, value.body)
             note(target, value.orelse)
 
-    for node in ast.walk(function):
+    for node in function:
         if isinstance(node, ast.Assign):
             for target in node.targets:
                 note(target, node.value)
@@ -61,21 +61,25 @@ def _named(function: ast.AST) -> dict[str, list[ast.expr]]:
 
 def _words(source: str) -> Iterator[tuple[int, str, str]]:
     """Give line, place and text of what fills places, and of lists that are joined in English."""
-    tree = ast.parse(source)
-    scopes = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    for scope in scopes:
-        named = _named(scope)
-        for call in ast.walk(scope):
-            if not isinstance(call, ast.Call):
-                continue
-            name = getattr(call.func, "id", getattr(call.func, "attr", ""))
-            if isinstance(call.func, ast.Attribute) and name == "join":
+    for scope in ast.walk(ast.parse(source)):
+        if not isinstance(scope, ast.FunctionDef):
+            continue
+        nodes = list(ast.walk(scope))
+        calls = [(node, _name(node)) for node in nodes if isinstance(node, ast.Call)]
+        calls = [(call, name) for call, name in calls if name == "join" or name in catalogue_names()]
+        named = _named(nodes) if calls else {}
+        for call, name in calls:
+            if name == "join" and isinstance(call.func, ast.Attribute):
                 if any(text in (" and ", " or ") for text in _texts(call.func.value, {})):
                     yield call.lineno, "join", "a list joined in English"
             elif name in catalogue_names():
                 for one in call.keywords:
                     if one.arg and one.arg not in ("by", "need", "got", "to_do", "where"):
                         yield from ((call.lineno, one.arg, text) for text in _texts(one.value, named))
+
+
+def _name(call: ast.Call) -> str:
+    return getattr(call.func, "id", getattr(call.func, "attr", ""))
 
 
 def _untold(source: str) -> list[str]:
