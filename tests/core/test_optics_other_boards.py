@@ -108,3 +108,19 @@ def test_the_camera_found_from_other_boards_errs_as_it_states(scenario: str) -> 
     for name, place in (("fx", (0, 0)), ("fy", (1, 1)), ("cx", (0, 2)), ("cy", (1, 2))):
         assert abs(found[place] - truth[place]) < 4 * sigma[name], name
     assert sigma["fx"] < 0.2
+
+
+@pytest.mark.parametrize("legacy", [False, True])
+def test_a_charuco_board_of_either_pattern_is_found(legacy: bool) -> None:
+    """With an even number of rows OpenCV's boards of before 4.6 begin with another colour."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+    printed = cv2.aruco.CharucoBoard((8, 6), 10.0, 7.5, dictionary)
+    printed.setLegacyPattern(legacy)
+    image = printed.generateImage((800, 600), marginSize=60)
+    record = {"kind": "charuco", "columns": 8, "rows": 6, "pitch_mm": 10.0, "marker_mm": 7.5}
+    view = find_board(image, Board.model_validate(record | {"dictionary": "DICT_5X5_100"}))
+    np.testing.assert_array_equal(np.sort(view.ids), np.arange(35))
+    scale = np.linalg.norm(view.points_px[1] - view.points_px[0]) / 10.0
+    apart_px = np.linalg.norm(view.points_px[:, None] - view.points_px[None], axis=2)
+    apart_mm = np.linalg.norm(view.points_in_board_mm[:, None] - view.points_in_board_mm[None], axis=2)
+    np.testing.assert_allclose(apart_px, scale * apart_mm, atol=0.6)

@@ -139,6 +139,9 @@ def test_a_profiles_centre_moves_with_radius_and_circle_as_pythagoras_says(
     by_radius = (height(40.0 + 1e-4, circle_mm) - height(40.0 - 1e-4, circle_mm)) / 2e-4
     moved = _by_size([one, cloud], size, np.array([center, center]))
     np.testing.assert_allclose(moved, [[0.0, side * by_radius * of_size, 0.0], [0.0, 0.0, 0.0]], rtol=1e-4)
+    whole = SphereObservation("p2", pose, "profile", none, center * [1, 0, 1], covariance, 40.0)
+    least = _by_size([whole], size, np.array([center]))[0, 1]  # of a great circle it is not without end
+    assert least == pytest.approx(side * 10 * of_size)
     by_circle = (height(40.0, circle_mm + 1e-4) - height(40.0, circle_mm - 1e-4)) / 2e-4
     of_center = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, by_circle], [0.0, 1.0, 0.0]])
     np.testing.assert_allclose(_own_covariance(one, size), of_center @ covariance @ of_center.T, rtol=1e-4)
