@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.cell.axes import moved_axes, reading_sigmas, scales_asked
 from calib_core.errors import InputError, MotionError
 from calib_core.library.opened import in_memory
-from calib_core.records import parse_session
+from calib_core.records import Cell, parse_session
 from calib_core.simulation import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_cell import simulate_topology
 
@@ -63,3 +64,23 @@ def test_all_axes_of_a_positioner_in_radians() -> None:
             capture["axes_deg"][name] = float(np.deg2rad(capture["axes_deg"][name]))
     with pytest.raises(MotionError, match="'tilt, turn' in degrees, got readings that fit in radians"):
         in_memory(parse_session(record), files).run()
+
+
+def test_what_is_told_of_each_axis_is_what_its_solver_gets() -> None:
+    """In the order of the axes: whether its scale is sought, never, or where plainly off; sigmas."""
+    cell = Cell.model_validate(
+        {
+            "pose_convention": "kuka",
+            "sphere_diameter_mm": 40.0,
+            "axes": [
+                {"name": "rail", "kind": "linear", "carries": "robot", "sigma_mm": 0.02, "encoder": "exact"},
+                {"name": "tilt", "kind": "rotary", "carries": "object", "sigma_deg": 0.5},
+                {"name": "turn", "kind": "rotary", "carries": "object", "encoder": "scale"},
+            ],
+        }
+    )
+    told = {
+        axis.name: (scale, sigma)
+        for axis, scale, sigma in zip(moved_axes(cell), scales_asked(cell), reading_sigmas(cell), strict=True)
+    }
+    assert told == {"rail": (False, 0.02), "tilt": (None, np.deg2rad(0.5)), "turn": (True, None)}
