@@ -1,5 +1,6 @@
 """Of several scanners the one whose captures are being taken, and those that have none yet."""
 
+from collections import Counter
 from typing import Final
 
 from calib_core.cell.carriers import of_one_scanner, scanner_name
@@ -18,11 +19,12 @@ def in_hand(session: Session, step: str = "tcp") -> Session:
     return only_scanner(session, of_one_scanner(own, _LEAST)[-1].scanner or next(iter(scanners)), step)
 
 
-def scanners_left(session: Session) -> list[str]:
-    """Return the scanners of several of which nothing is known, and that have no capture yet."""
-    seen = {scanner_name(session.cell, c) for c in session.captures if not c.excluded}
-    seen |= mounts_of(session.cell.known.frames or []).keys()
-    return [] if seen <= {""} else [name for name in session.cell.scanners or () if name not in seen]
+def scanners_left(session: Session, *, solved: bool) -> list[str]:
+    """Return the scanners of several that took too few captures, none once they are solved, and are not known."""
+    taken = Counter(scanner_name(session.cell, c) for c in session.captures if not c.excluded)
+    known, least = mounts_of(session.cell.known.frames or []), 1 if solved else _LEAST
+    several = len(session.cell.scanners or {}) > 1
+    return [one for one in session.cell.scanners or () if several and one not in known and taken[one] < least]
 
 
 def only_scanner(session: Session, name: str, step: str = "tcp") -> Session:

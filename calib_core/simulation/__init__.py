@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
-from calib_core.simulation.topology_cell import simulate_with_scans
+from calib_core.simulation.topology_more import one_more, simulate_with_scans
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS, VerifyScenario, verify_options, with_verification
@@ -35,12 +36,18 @@ __all__ = [
 ]  # fmt: skip
 
 _WITHOUT_WORLD: tuple[tuple[Mapping[str, Any], Callable[[Any, str, int], tuple[Session, Any, Any]]], ...] = (
-    (TOPOLOGY_SCENARIOS, simulate_with_scans),
     (SWEEP_SCENARIOS, simulate_sweeps),
     (PART_SCENARIOS, simulate_part),
     (FRAME_SCENARIOS, simulate_frames),
 )
-_ALL = (SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, VERIFY_SCENARIOS, *(known for known, _ in _WITHOUT_WORLD))
+_ALL = (
+    SCENARIOS,
+    TOPOLOGY_SCENARIOS,
+    TABLE_SCENARIOS,
+    WHOLE_SCENARIOS,
+    VERIFY_SCENARIOS,
+    *(known for known, _ in _WITHOUT_WORLD),
+)
 
 
 def simulate(scenario: str, seed: int) -> SimulatedSession:
@@ -53,6 +60,8 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     """
     require_scenario(scenario)
     _require_seed(seed)
+    if scenario in TOPOLOGY_SCENARIOS:
+        return _topology(TOPOLOGY_SCENARIOS[scenario], scenario, seed)
     for scenarios, made in _WITHOUT_WORLD:
         if scenario in scenarios:
             return SimulatedSession(*made(scenarios[scenario], scenario, seed), None)
@@ -82,7 +91,12 @@ def simulate_described(told: DescribedCell, name: str, seed: int) -> SimulatedSe
         If a scanner sees no ball that anything moves before it, or the seed is negative.
     """
     _require_seed(seed)
-    return SimulatedSession(*simulate_with_scans(scenario_of(told), name, seed), None)
+    return _topology(scenario_of(told), name, seed)
+
+
+def _topology(options: TopologyScenario, name: str, seed: int) -> SimulatedSession:
+    made = simulate_with_scans(options, name, seed)
+    return SimulatedSession(*made, None, more=partial(one_more, options, seed))
 
 
 def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> SimulatedSession:

@@ -59,6 +59,9 @@ def another(
     rng = np.random.default_rng([seed, 20_267])
     if simulated.truth["scenario"] in FRAME_SCENARIOS:
         return one_more_frame(simulated.truth["scenario"], simulated.truth["seed"], step, name, rng)
+    if simulated.more is not None:
+        found = simulated.more(step, name, rng)
+        return None if found is None else (Capture.model_validate(found[0]), found[1])
     world = simulated.world
     taken = (
         []

@@ -1,7 +1,10 @@
 """A simulated session: the record, its files and the truth."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from calib_core.records import Session
 from calib_core.simulation.profile_cell import World
@@ -25,6 +28,8 @@ class SimulatedSession:
         The simulated cell itself, for bounds and benchmarks; none behind frames.
     table : TableTruth or None
         The simulated turntable, where there is one.
+    more : callable or None
+        Takes one more capture of a cell of any topology: (step, name, rng) to its record and files.
     """
 
     session: Session
@@ -32,3 +37,4 @@ class SimulatedSession:
     truth: dict[str, Any]
     world: World | None
     table: TableTruth | None = None
+    more: Callable[[str, str, np.random.Generator], tuple[dict[str, Any], dict[str, bytes]] | None] | None = None

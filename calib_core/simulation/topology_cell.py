@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 
 from calib_core.records import Session
-from calib_core.simulation.motion import FloatArray, back, pose, turn
-from calib_core.simulation.part_cell import in_one_frame, organised_pcd
-from calib_core.simulation.part_scan import PartScanner, PartScanOptions
+from calib_core.simulation.motion import FloatArray, pose, turn
 from calib_core.simulation.profile_cell import draw_centers, pose_numbers, rounded_pose, true_pose
 from calib_core.simulation.scenarios import TcpScenario
 from calib_core.simulation.sensor import arc_points, cap_points, columns, noisy
-from calib_core.simulation.surfaces import Ball
 from calib_core.simulation.topology import (
     AxisOptions,
     BallOptions,
@@ -24,8 +21,6 @@ from calib_core.simulation.topology import (
 from calib_core.simulation.topology_record import cell_record, names_axes
 from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.simulation.writing import cloud_xyz, profile_csv
-
-_SCANNER = PartScanOptions(pitch_mm=0.5, width_mm=60.0, length_mm=60.0)
 
 _TRIES = 4000
 _LOOKING_DOWN = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4])
@@ -51,9 +46,7 @@ def simulate_topology(
 ) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
     """Return the session record, its files and the truth of a cell of any topology."""
     rng = np.random.default_rng([seed, 20_268])
-    world = build_topology(
-        options.scanners, options.balls, options.axes, options.cell.sphere_diameter_sigma_mm, rng
-    )
+    world = world_of(options, rng)
     err = {scanner: _ScannerErrors.drawn(options, seed, n) for n, scanner in enumerate(world.scanners)}
     captures: list[dict[str, Any]] = []
     files: dict[str, bytes] = {}
@@ -98,6 +91,34 @@ def simulate_topology(
         "captures": captures,
     }
     return Session.model_validate(record), files, truth
+
+
+def world_of(options: TopologyScenario, rng: np.random.Generator) -> TopologyWorld:
+    """Return the cell itself, the same for the same state of `rng`."""
+    return build_topology(
+        options.scanners, options.balls, options.axes, options.cell.sphere_diameter_sigma_mm, rng
+    )
+
+
+def captured_again(
+    options: TopologyScenario, seed: int, step: str, name: str, rng: np.random.Generator
+) -> tuple[dict[str, Any], dict[str, bytes]] | None:
+    """Return one more capture of a ball for a step, its record and files; None where no scanner sees one."""
+    world = world_of(options, np.random.default_rng([seed, 20_268]))
+    shown = [
+        (number, scanner, ball)
+        for number, scanner in enumerate(world.scanners)
+        for ball in options.balls
+        if (ball.on in world.axes) == (step == "turntable") and world.sees_move(scanner, ball.on)
+    ]
+    if not shown or step not in ("tcp", "turntable", "verify"):
+        return None
+    number, scanner, ball = shown[int(rng.integers(len(shown)))]
+    err = _ScannerErrors.drawn(options, seed, number)
+    stop = stop_at(world, options, scanner, ball, False, rng)
+    points, _ = _points(world, options, stop, scanner, err.by_incidence_mm, rng)
+    record, files = _written(options, stop, scanner, name, points, err)
+    return {**record, "step": step}, files
 
 
 def _stops(world: TopologyWorld, options: TopologyScenario, rng: np.random.Generator) -> Iterator[_Stop]:
@@ -333,43 +354,3 @@ def axes_read(options: TopologyScenario, read: Readings, on_axis: bool) -> dict[
         elif on_axis:
             record["table_deg"] = told
     return record
-
-
-def simulate_with_scans(
-    options: TopologyScenario, name: str, seed: int
-) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
-    """Return the session of a cell of any topology, `scans` of a part added: a ball in the place of the first one.
-
-    The part is on the last axis that carries the object, else on the flange where all scanners stand still, else
-    in base.
-    """
-    session, files, truth = simulate_topology(options, name, seed)
-    if not options.scans:
-        return session, files, truth
-    world = build_topology(
-        options.scanners, options.balls, options.axes, options.cell.sphere_diameter_sigma_mm,
-        np.random.default_rng([seed, 20_268]),
-    )  # fmt: skip
-    objects = [axis.name for axis in options.axes if axis.carries == "object"]
-    still = all(one.on == "base" for one in options.scanners)
-    carrier = objects[-1] if objects else "tool0" if still else "base"
-    ball = next(ball for ball in options.balls if ball.on == carrier)
-    part = Ball(world.balls[ball.name][1], world.radii_mm[ball.name])
-    scanner, rng = PartScanner(part, _SCANNER), np.random.default_rng([seed, 20_273])
-    record = session.to_json()
-    for mounted in [one for one in world.scanners if world.sees_move(one, carrier)]:
-        for number in range(options.scans):
-            stop = stop_at(world, options, mounted, ball, False, rng)
-            flange = world.base_from_foot(stop.true) @ stop.actual
-            moved = {"base": np.eye(4), "tool0": flange}.get(carrier)
-            moved = world.moved(carrier, stop.true) if moved is None else moved
-            scan = scanner.scan(back(moved) @ back(world.laser_from_base(mounted, flange)), rng)
-            capture = f"scan{number + 1:02d}{'-' if mounted else ''}{mounted}"
-            files[f"captures/{capture}.pcd"] = organised_pcd(in_one_frame(scan, _SCANNER))
-            record["captures"].append(
-                {"id": capture, "step": "scan", "kind": "cloud", "files": [f"captures/{capture}.pcd"]}
-                | {"pose": pose_numbers(stop.commanded), **({"scanner": mounted} if mounted else {})}
-                | axes_read(options, stop.read, on_axis=True)
-            )
-    told = {"part_center_mm": part.center_mm.tolist(), "part_diameter_mm": 2 * part.radius_mm, "part_on": carrier}
-    return Session.model_validate(record), files, truth | told

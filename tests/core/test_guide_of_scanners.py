@@ -52,6 +52,10 @@ def test_a_scanner_that_took_nothing_yet_is_asked_for_before_the_solve() -> None
     measured = [measure_capture(left, one, opened.read) for one in left.captures]
     now = guide(left, measured, {}).current
     assert (now.action, str(now.progress)) == ("capture", "Scanner right: 0 of 10 captures")
+    some = [c for c in session.captures if c.scanner == "right"][:3]
+    few = left.model_copy(update={"captures": [*left.captures, *some]})
+    now = guide(few, [measure_capture(few, one, opened.read) for one in few.captures], {}).current
+    assert (now.action, str(now.progress)[:14]) == ("capture", "Scanner right:")
     result = cc.OpenSession(left, opened.read).run("tcp")["tcp"].to_json()
     assert guide(left, measured, {"tcp": result}).current.action == "capture"
     known = KnownFrame(into="tool0", outof="laser", scanner="right", matrix=result["tool0_from_laser"])

@@ -248,7 +248,11 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     ("scenario", "steps"),
-    [("cell", ["tcp", "turntable", "verify"]), ("frames-tcp", ["camera", "laser-plane", "tcp"])],
+    [
+        ("cell", ["tcp", "turntable", "verify"]),
+        ("frames-tcp", ["camera", "laser-plane", "tcp"]),
+        ("rail-positioner", ["tcp", "turntable", "verify", "scan"]),
+    ],
 )
 def test_a_simulated_cell_takes_more_of_a_step_under_names_of_their_own(scenario: str, steps: list[str]) -> None:
     """What the page asks for where an answer is usable alone is never refused."""

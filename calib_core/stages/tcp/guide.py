@@ -55,7 +55,11 @@ def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the TCP step, None where the tool is given with the cell."""
     of_all, view = view.session, replace(view, session=in_hand(view.session))
     now = _guide(view)
-    if now is not None and now.action != "capture" and (left := scanners_left(of_all)):
+    if (
+        now is not None
+        and now.action != "capture"
+        and (left := scanners_left(of_all, solved=now.action == "review"))
+    ):
         view = replace(view, session=only_scanner(of_all, left[0]))
         now = _guide(view)
     if now is not None and now.action == "capture" and view.session is not of_all:
