@@ -12,13 +12,16 @@ from bench_trouble import outcome
 import calib_core as cc
 from calib_core.cell.layout import KnownDistance
 from calib_core.chain.balls import by_distances, wrong_distance
+from calib_core.errors import MotionError
 from calib_core.library.opened import in_memory
 from calib_core.records.results import FoundFrame, ScannerFound
-from calib_core.simulation.topology import BallOptions
+from calib_core.simulation.scenarios import TcpScenario
+from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.stages.tcp.record import TcpResult
+from calib_core.stages.turntable import solve
 from tests.plates import reflected
 from tests.topology_errors import distances
 from tests.trouble import all_troubles
@@ -323,3 +326,32 @@ def test_where_all_fit_badly_two_ways_are_told_apart_only_by_more() -> None:
 
     assert found(57.0) == [names]  # 15 of squared deviations; 192 the other way round
     assert found(58.0) == []  # 104
+
+
+@pytest.mark.thorough
+def test_no_axis_is_sought_by_balls_that_were_not_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By their tool axes were sought for a minute and more, and then the readings were blamed."""
+    foot = AxisOptions("foot", "rotary", "robot", None, (0.0, 0.0, 1.0), low=-40.0, high=40.0)
+    tilt = AxisOptions("tilt", "rotary", "object", None, (0.0, 1.0, 0.0), low=-40.0, high=40.0)
+    balls = (
+        BallOptions("one", "tool0", (25.0, -40.0, 130.0)),
+        BallOptions("other", "tool0", (25.0, 60.0, 130.0)),
+        BallOptions("riding", "tilt", (1015.0, -220.0, 446.0), mount="riding"),
+    )
+    cell = TopologyScenario(
+        "",
+        (ScannerOptions("gate", "base"),),
+        balls,
+        (foot, tilt),
+        TcpScenario(window_x_mm=100.0),
+        "names",
+        on_axes=14,
+    )
+    session, files, _ = simulate_topology(cell, "", 21)
+    opened = in_memory(session, files)
+    assert "balls-not-told-apart" in {one.code for one in opened.run("tcp")["tcp"].findings}
+    monkeypatch.setattr(solve, "table_of", None)
+    for stage in ("turntable", "chain"):
+        with pytest.raises(MotionError, match="2 spheres that can be told apart") as refused:
+            opened.run(stage)
+        assert "Name the sphere that each capture shows" in str(refused.value)

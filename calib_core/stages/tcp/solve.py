@@ -250,10 +250,21 @@ def _second_arcs(clearest: Observations, seen: Observations) -> list[Finding]:
 
 def _of_balls(error: MotionError, told: int) -> MotionError:
     """Return an error that says that balls were not told apart, where the cell tells of several."""
-    if told < 2:
-        return error
+    return error if told < 2 else _not_told_apart(told, error.got, error.where)
+
+
+def _not_told_apart(told: int, got: str, where: str) -> MotionError:
     need = message("arcs of the cell's {count} spheres that can be told apart", count=told)
-    return MotionError(need, error.got, str(spheres.BALLS_NOT_TOLD_APART.to_do), error.where)
+    return MotionError(need, got, str(spheres.BALLS_NOT_TOLD_APART.to_do), where)
+
+
+def require_told_apart(given: StageInput, solved: SolvedTcp) -> None:
+    """Refuse an answer whose arcs may be of several balls and fit no one: nothing can rest on it."""
+    from calib_core.stages.tcp.verdict import tcp_findings
+
+    found = of_several_balls(given, solved, tcp_findings(solved.solution, given.captures))
+    if has(found, spheres.BALLS_NOT_TOLD_APART):
+        raise _not_told_apart(_balls_not_told_apart(given.session.cell, solved.observations), "none", "tcp")
 
 
 def observe_stage(given: StageInput) -> Observed:

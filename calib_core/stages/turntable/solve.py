@@ -28,7 +28,7 @@ from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
 from calib_core.messages import Names, message
 from calib_core.records import Capture, Cell
 from calib_core.records.callbacks import Progress
-from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_all_rows
+from calib_core.stages.tcp.solve import observe_stage, require_told_apart, solve_tcp_captures, with_all_rows
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult
 
@@ -136,11 +136,17 @@ def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize)
 
 
 def tcp_of(given: StageInput) -> SolvedTcp | None:
-    """Return the tcp captures' solution, None where there are none; raises as the tcp stage does."""
+    """Return the tcp captures' solution, None where there are none; raises as the tcp stage does.
+
+    Arcs that were not told apart are refused, too: by their tool axes are sought for long, and none are found.
+    """
     captures = [capture for capture in given.session.captures if capture.step == "tcp"]
     if not captures:
         return None
-    return solve_tcp_captures(replace(given, captures=captures, progress=part_of(given.progress, 0.0, _TCP_SHARE)))
+    own = replace(given, captures=captures, progress=part_of(given.progress, 0.0, _TCP_SHARE))
+    solved = solve_tcp_captures(own)
+    require_told_apart(own, solved)
+    return solved
 
 
 def tool_of(solved: SolvedTcp) -> "KnownTool":
