@@ -196,6 +196,13 @@ def _along(
     return FoundTransform(total, (covariance + covariance.T) / 2, tuple(edge for edge, _ in way))
 
 
+def apart_moves(one: RigidTransform, other: RigidTransform) -> FloatArray:
+    """Return how ``one⁻¹ @ other`` changes with the 6-vectors of both, (6, 12)."""
+    back, still = one.inverse(), RigidTransform.identity(other.outof, other.outof)
+    by_one = _jacobian(still, back, other) @ _of_inverse(one)
+    return np.hstack([by_one, _jacobian(back, other, still)])
+
+
 def _jacobian(before: RigidTransform, step: RigidTransform, after: RigidTransform) -> FloatArray:
     """Return how ``before @ step @ after`` changes with the 6-vector of its middle, (6, 6).
 

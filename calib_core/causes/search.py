@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.start import Centers, Start, badness, heights, settled
+from calib_core.chain.start import Centers, Start, badness, by_heights, settled
 from calib_core.chain.start_search import Sought, apart, random_rotations
 from calib_core.frames import FloatArray, RigidTransform
 
@@ -135,11 +135,7 @@ def started(hypothesis: Posed, centers: Centers, rotations: Sequence[FloatArray]
     guesses: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     for rotation in rotations:
         linear = own.sought(weight).linear_unknowns(rotation[None])[0]
-        center, tool_in_laser = linear[:3], linear[3:]
-        guesses += [
-            (rotation, rotation @ np.array([tool_in_laser[0], height, tool_in_laser[2]]), center)
-            for height in heights(own, rotation, center, tool_in_laser[1])
-        ]
+        guesses += by_heights(own, rotation, linear)
     return min(settled(own, guesses), key=badness)
 
 

@@ -176,12 +176,18 @@ def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArr
     guesses: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     order = np.argsort(scatter)
     for index in order[apart(rotations[order], _KEPT)]:
-        rotation, center, tool_in_laser = rotations[index], linear[index, :3], linear[index, 3:]
-        guesses += [
-            (rotation, rotation @ np.array([tool_in_laser[0], height, tool_in_laser[2]]), center)
-            for height in heights(centers, rotation, center, tool_in_laser[1])
-        ]
+        guesses += by_heights(centers, rotations[index], linear[index])
     return guesses
+
+
+def by_heights(
+    centers: Centers, rotation: FloatArray, linear: FloatArray
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return guesses (rotation, translation, center) of one rotation and its linear unknowns, one a height."""
+    center, (x, y, z) = linear[:3], linear[3:]
+    return [
+        (rotation, rotation @ np.array([x, height, z]), center) for height in heights(centers, rotation, center, y)
+    ]
 
 
 def _searched(sought: Sought, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

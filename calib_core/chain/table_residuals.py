@@ -22,8 +22,6 @@ class TableResiduals:
     ----------
     sides : (K,)
         The sign of y of each profile's sphere centre in L; 0 for other kinds.
-    both_in_base : (K, 2, 3)
-        The capture's own sphere centre on the +y and on the −y side, mm.
     centers_in_base, expected_in_base : (K, 3)
         The capture's own sphere centre, and where the solution expects it, mm.
     places_mm : (K, 2, 3)
@@ -38,7 +36,6 @@ class TableResiduals:
     """
 
     sides: np.ndarray
-    both_in_base: FloatArray
     places_mm: FloatArray
     centers_in_base: FloatArray
     expected_in_base: FloatArray
@@ -99,7 +96,6 @@ def table_residuals(
     ]
     return TableResiduals(
         sides=sides,
-        both_in_base=both,
         centers_in_base=centers,
         expected_in_base=expected,
         places_mm=frame.base_from_turntable.inverse().apply(np.where(on_table[:, None, None], places, np.nan)),

@@ -13,7 +13,7 @@ from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.arm_plan import arm_worth
 from calib_core.guidance.candidates import Candidates
-from calib_core.guidance.design import Design, worst_sigma_mm
+from calib_core.guidance.design import Design, worst_sigma
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.guidance.prior import (
     MOST_TAKEN,
@@ -195,7 +195,7 @@ def _stated(results: ResultsData) -> float | None:
             continue
         if result.get("workpiece"):
             covariance = np.array(result["workpiece"]["covariance"], dtype=float)
-            return COVERAGE * float(worst_sigma_mm(covariance))
+            return COVERAGE * float(worst_sigma(covariance))
     return None
 
 
@@ -203,7 +203,7 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     """Return what to do next in a situation; ± are k = 2, `stated_mm` is a result's own."""
     count = len(situation.taken)
     design = Design(situation.taken, situation.assumed)
-    after_each = [float(worst_sigma_mm(design.workpiece(range(n + 1)))) for n in range(count)]
+    after_each = [float(worst_sigma(design.workpiece(range(n + 1)))) for n in range(count)]
     # The figure of a solve, or of one behind the guide, is the better one: what a capture gains is a share of it.
     solved_mm = stated_mm if stated_mm is not None else promised_mm(situation)
     scale = 1.0 if solved_mm is None or not count else solved_mm / (COVERAGE * after_each[-1])
@@ -260,7 +260,7 @@ def _worth_from(arm: str, own_mm: float, tilt_deg: float) -> int | None:
 def promised_mm(situation: Situation) -> float | None:
     """Return the ± (k = 2) at the workpiece that a solve of the captures will state; None of too few."""
     found = situation.workpiece
-    return None if found is None else COVERAGE * float(worst_sigma_mm(found))
+    return None if found is None else COVERAGE * float(worst_sigma(found))
 
 
 def expanded(sigma_mm: float) -> float | None:

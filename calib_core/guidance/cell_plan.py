@@ -18,7 +18,7 @@ from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.arm_plan import ArmWorth, arm_worth
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.described import CellThoughtOf, thought_of
-from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.design import Assumed, Design, worst_sigma
 from calib_core.guidance.edges_plan import EdgesPlan, plan_edges
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, greedy
@@ -220,7 +220,7 @@ def _with_sphere(cell: CellToPlan, diameter_mm: float) -> tuple[SpherePlan, Situ
         return None
     design = Design(situation.seen_from(poses), situation.assumed)
     order = greedy(design, [], cell.most_captures)
-    after = [float(worst_sigma_mm(design.workpiece(order[: n + 1]))) for n in range(len(order))]
+    after = [float(worst_sigma(design.workpiece(order[: n + 1]))) for n in range(len(order))]
     wanted = cell.wanted_mm
     captures = next((n + 1 for n, s in enumerate(after) if wanted is not None and COVERAGE * s <= wanted), None)
     shown = [COVERAGE * s if s < 20.0 else None for s in after]
@@ -280,7 +280,7 @@ def _limited_by(situation: Situation) -> str:
         ),
         "what is not known of the scanner's scale, and of the arm's lengths with it": replace(given, priors=None),
     }
-    left = {cause: float(worst_sigma_mm(Design(seen, one).workpiece(every))) for cause, one in without.items()}
+    left = {cause: float(worst_sigma(Design(seen, one).workpiece(every))) for cause, one in without.items()}
     return min(left, key=lambda cause: left[cause])
 
 

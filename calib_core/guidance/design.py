@@ -211,6 +211,6 @@ def with_tool(hessian: FloatArray, turn_rad: float = TURN_RAD, shift_mm: float =
     return known
 
 
-def worst_sigma_mm(workpiece: FloatArray) -> FloatArray:
-    """Return the standard deviation in the worst direction of covariances (…, 3, 3), mm."""
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(workpiece)[..., -1], 0.0))
+def worst_sigma(covariance: FloatArray) -> FloatArray:
+    """Return the standard deviation in the worst direction of covariances (…, n, n), in their own unit."""
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[..., -1], 0.0))

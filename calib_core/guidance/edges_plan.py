@@ -8,9 +8,10 @@ import numpy as np
 from calib_core.cell.titles import axis_title, scanner_title
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE
-from calib_core.frames import FloatArray, vector_from_rotation
+from calib_core.frame_graph import apart_moves
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.described import CellThoughtOf
-from calib_core.guidance.design import worst_sigma_mm
+from calib_core.guidance.design import worst_sigma
 from calib_core.guidance.solved_plan import Shot, planned_with_covariance
 from calib_core.messages import Message, message
 from calib_core.poses.numbers import to_pose
@@ -132,26 +133,20 @@ def _edges(known: CellThoughtOf, covariance: FloatArray) -> Iterator[PlannedEdge
 
 def _apart(known: CellThoughtOf, covariance: FloatArray, one: int, other: int) -> tuple[FloatArray, FloatArray]:
     """Return the covariances of where a scanner is to another, (3, 3) of its position and of its rotation."""
-    layout, at, step = known.layout, known.position, 1e-4
-    moves = np.zeros((6, layout.unknowns))
-    for column in (*range(*layout.mount(one).indices(10**6)), *range(*layout.mount(other).indices(10**6))):
-        change = np.zeros(layout.unknowns)
-        change[column] = step
-        moved = at.moved(layout, change)
-        here, there = ([p.mount_rotations, p.mount_translations] for p in (at, moved))
-        ways = [(r[one].T @ r[other], r[one].T @ (t[other] - t[one])) for r, t in (here, there)]
-        turn = ways[0][0].T @ ways[1][0]
-        moves[:3, column] = vector_from_rotation(turn)
-        moves[3:, column] = ways[1][1] - ways[0][1]
-    own = moves @ covariance @ moves.T / step**2
+    at, both = known.position, np.r_[known.layout.mount(one), known.layout.mount(other)]
+    mounts = [
+        RigidTransform.of(at.mount_rotations[n], at.mount_translations[n], "tool0", "laser") for n in (one, other)
+    ]
+    moves = apart_moves(*mounts)
+    own = moves @ covariance[np.ix_(both, both)] @ moves.T
     return own[3:, 3:], own[:3, :3]
 
 
 def _edge(
     name: str, title: str, place: FloatArray | None, turn: FloatArray, scanner: FloatArray | None = None
 ) -> PlannedEdge:
-    position = None if place is None else float(worst_sigma_mm(place))
-    rotation = float(worst_sigma_mm(turn))
+    position = None if place is None else float(worst_sigma(place))
+    rotation = float(worst_sigma(turn))
     told = [] if scanner is None else [str(one.description) for one in open_directions(scanner)]
     if scanner is None and position is not None and position > _OPEN_MM:
         told.append(message("the place of '{edge}'", edge=name))

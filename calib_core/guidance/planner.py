@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Candidates, Room, allowed, candidates
-from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.design import Assumed, Design, worst_sigma
 
 _CANDIDATES, _NEAR = 300, 80
 _NEAR_MM, _NEAR_RAD = 8.0, 0.08
@@ -140,8 +140,8 @@ class _Compared:
         return NextPose(
             self.poses.poses[k],
             self.poses.centers_in_laser[k],
-            float(worst_sigma_mm(self.design.at_workpiece(self.hessian))),
-            float(worst_sigma_mm(self.added.workpiece[k])),
+            float(worst_sigma(self.design.at_workpiece(self.hessian))),
+            float(worst_sigma(self.added.workpiece[k])),
             float(self.doubt_mm[k]),
             bool(self.sure.any()),
         )
@@ -152,7 +152,7 @@ class _Compared:
 
     def best_beside(self) -> NextPose:
         """Return the pose with which, and with those beside, the worst direction is known best."""
-        return self.at(self._best_of(worst_sigma_mm(self.with_others.workpiece)))
+        return self.at(self._best_of(worst_sigma(self.with_others.workpiece)))
 
     def best_until(self, until: int) -> tuple[NextPose, Candidates | None]:
         """Return the best pose of a set that makes the captures up to `until`, and the rest of the set."""
@@ -261,7 +261,7 @@ def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int =
     chosen = exchanged(design, first, greedy(design, first, count), sweeps)
     ordered = _in_order(design, first, chosen)
     index = np.array(ordered) - taken
-    after = [float(worst_sigma_mm(design.workpiece([*first, *ordered[: n + 1]]))) for n in range(len(ordered))]
+    after = [float(worst_sigma(design.workpiece([*first, *ordered[: n + 1]]))) for n in range(len(ordered))]
     return PlannedSet(poses.chosen(index), np.array(after))
 
 
@@ -293,13 +293,13 @@ def _score(workpiece: FloatArray, taken: int) -> FloatArray:
 def exchanged(design: Design, first: Sequence[int], chosen: Sequence[int], sweeps: int) -> list[int]:
     """Return a set of captures in which none can be replaced by another for the better."""
     chosen = list(chosen)
-    best = float(worst_sigma_mm(design.workpiece([*first, *chosen])))
+    best = float(worst_sigma(design.workpiece([*first, *chosen])))
     for _ in range(sweeps):
         before = best
         for one in tuple(chosen):
             rest = [k for k in chosen if k != one]
             others = [k for k in range(len(first), len(design)) if k not in rest]
-            found = worst_sigma_mm(design.adding([*first, *rest], others).workpiece)
+            found = worst_sigma(design.adding([*first, *rest], others).workpiece)
             at = int(np.argmin(found))
             if found[at] < best * _WORTH:
                 best, chosen = float(found[at]), [*rest, others[at]]
@@ -324,7 +324,7 @@ def still_needed(situation: Situation, wanted_sigma_mm: float) -> int | None:
     design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
     first, chosen = list(range(taken)), list[int]()
     for count in range(min(12, len(poses)) + 1):
-        if float(worst_sigma_mm(design.workpiece([*first, *chosen]))) <= wanted_sigma_mm:
+        if float(worst_sigma(design.workpiece([*first, *chosen]))) <= wanted_sigma_mm:
             return count
         others = [k for k in range(taken, len(design)) if k not in chosen]
         if not others:

@@ -32,7 +32,7 @@ from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.guidance.arm_unknowns import arm_unknowns, with_joints
 from calib_core.guidance.candidates import Room
-from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma_mm
+from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma
 from calib_core.guidance.field_of_view import Sight, sight_of
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.scatter import GROSS, solved_quickly
@@ -136,7 +136,7 @@ def known_of(
         sigmas=sigmas,
         point_in_laser_mm=at_workpiece,
         facing=sight.facing,
-        tool_sigma_mm=place.tool_sigma_mm if covariance is None else float(worst_sigma_mm(covariance[3:, 3:])),
+        tool_sigma_mm=place.tool_sigma_mm if covariance is None else float(worst_sigma(covariance[3:, 3:])),
         tool_sigma_rad=place.tool_sigma_rad,
         known=covariance,
         priors=ScannerPriors() if covariance is None else None,  # the result's covariance has them in it

@@ -21,7 +21,7 @@ from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.candidates import AWAY_MM, Room, keep_free, places_in_view
-from calib_core.guidance.design import MOUNTED_MM, SPHERE_MM, TURN_RAD, worst_sigma_mm
+from calib_core.guidance.design import MOUNTED_MM, SPHERE_MM, TURN_RAD, worst_sigma
 from calib_core.guidance.solved_cell import SolvedCell
 
 _CANDIDATES, _ROUNDS = 240, 6
@@ -128,7 +128,7 @@ def planned_with_covariance(
         gained = np.einsum("kij,kij->k", toward, np.linalg.solve(own, toward))
         chosen.append(int(np.argmax(np.where(left, gained, -1.0))))
         now = covariance(chosen)
-        after = worst_sigma_mm(moves @ now @ np.swapaxes(moves, 1, 2))
+        after = worst_sigma(moves @ now @ np.swapaxes(moves, 1, 2))
         shots.append(_shot(known, thought, chosen[-1], float(after.max())))
         if shots[-1].after_mm <= until_mm and len(few) < 2 and (not few or often[few[0]] + 1 == least_each):
             break

@@ -22,7 +22,7 @@ from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, rotation_from_vector
 from calib_core.guidance.budget import calibrated_rows
 from calib_core.guidance.calibrated import Calibrated, View
-from calib_core.guidance.design import Assumed, with_tool, worst_sigma_mm
+from calib_core.guidance.design import Assumed, with_tool, worst_sigma
 
 _VIEWS_RAD = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)
 _MOST_ROTATIONS = 6
@@ -95,7 +95,7 @@ class TableDesign:
         covariance = self._covariance(chosen)[: self._data.width, : self._data.width]
         # The mean over the views: errors that turn with the table average out over scans from all around.
         each = self._rows @ covariance @ np.swapaxes(self._rows, -1, -2)
-        return float(worst_sigma_mm(each.mean(axis=1)).max())
+        return float(worst_sigma(each.mean(axis=1)).max())
 
     def pose_covariance(self, chosen: Sequence[int]) -> FloatArray:
         """Return the covariance (6, 6) of base_from_turntable with the chosen captures, as of `sigma_mm`."""

@@ -20,7 +20,7 @@ from calib_core.errors import CalibrationError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray
 from calib_core.guidance.advice import advice_in
-from calib_core.guidance.design import worst_sigma_mm
+from calib_core.guidance.design import worst_sigma
 from calib_core.guidance.prior import situation_of
 from calib_core.records import Measured, Session, parse_session
 from calib_core.records.callbacks import ReadFile
@@ -122,7 +122,7 @@ def promises(session: Session, read: ReadFile) -> tuple[float | None, float | No
 
 
 def uncertainty_mm(covariance: FloatArray) -> float:
-    return COVERAGE * float(worst_sigma_mm(covariance))
+    return COVERAGE * float(worst_sigma(covariance))
 
 
 def words(own: Sequence[float]) -> str:

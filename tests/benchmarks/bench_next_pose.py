@@ -15,7 +15,7 @@ from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Room, candidates
-from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.design import Assumed, Design, worst_sigma
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, exchanged, greedy, next_pose
 from calib_core.records.planning import Limits
@@ -77,19 +77,19 @@ def compare(seed: int, with_exchange: bool) -> Compared:
         assert best is not None
         seen = room.sight.observation(f"p{len(now.taken)}", best.base_from_tool0, best.center_in_laser_mm, radius)
         now = replace(now, taken=[*now.taken, seen])
-    advised = float(worst_sigma_mm(Design(now.taken, given).workpiece(range(CAPTURES))))
+    advised = float(worst_sigma(Design(now.taken, given).workpiece(range(CAPTURES))))
     rng = np.random.default_rng([seed, 78])
     poses = candidates(room, given.mount_from_laser, given.center_mm, radius, 400, rng, at_edge=0.0)
     some = Design(start.seen_from(poses), given)
     sets = [sorted(rng.choice(len(poses), CAPTURES, replace=False).tolist()) for _ in range(RANDOM_SETS)]
-    random = float(np.median([worst_sigma_mm(some.workpiece(one)) for one in sets]))
+    random = float(np.median([worst_sigma(some.workpiece(one)) for one in sets]))
     return Compared(advised, random, _exchange_mm(start, seed) if with_exchange else None, slowest)
 
 
 def _exchange_mm(start: Situation, seed: int) -> float:
     grid = Design(start.seen_from(start.proposed(GRID, seed + 5000)), start.assumed)
     best = exchanged(grid, [], greedy(grid, [], CAPTURES), sweeps=3)
-    return float(worst_sigma_mm(grid.workpiece(best)))
+    return float(worst_sigma(grid.workpiece(best)))
 
 
 def rows(found: list[Compared]) -> list[Row]:

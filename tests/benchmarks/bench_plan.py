@@ -13,7 +13,7 @@ from calib_core.chain.tcp import solve_tcp
 from calib_core.chain.tcp_solution import TcpOptions
 from calib_core.frames import RigidTransform
 from calib_core.guidance.candidates import Room
-from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma_mm
+from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import PlannedSet, Situation, planned_set
 from calib_core.records.planning import Limits
@@ -47,7 +47,7 @@ def stated_mm(simulated: SimulatedSession, plan: PlannedSet, options: TcpOptions
         capture, files = take(simulated, pose.matrix, f"c{k:02d}", 1000 * seed + k)
         observed.append(observe_capture(simulated.session, capture, files.__getitem__))
     held = solve_tcp(observed, SPHERE, options).held
-    return float(worst_sigma_mm(held.at_workpiece(SIGHT.middle_mm, SIGHT.far_half_width_mm)))
+    return float(worst_sigma(held.at_workpiece(SIGHT.middle_mm, SIGHT.far_half_width_mm)))
 
 
 def ratios(seeds: range) -> tuple[list[float], list[float]]:

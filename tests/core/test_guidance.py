@@ -15,7 +15,7 @@ from calib_core.chain.tcp_solution import TcpOptions
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.advice import advice_in, inputs_of, inputs_read, tcp_advice
 from calib_core.guidance.candidates import Room, candidates
-from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.design import Assumed, Design, worst_sigma
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, next_pose, planned_set
 from calib_core.guidance.pose_list import planned_poses
@@ -75,7 +75,7 @@ def test_what_is_predicted_for_poses_is_what_the_solve_states_of_them(seed: int)
     promised = np.sqrt(np.diag(design.tool(every)))
     stated = np.sqrt(np.diag(solved.covariance)[:6])
     np.testing.assert_allclose(promised, stated, rtol=0.1)
-    at_part = worst_sigma_mm(design.workpiece(every)) / worst_sigma_mm(solved.in_view.at_workpiece)
+    at_part = worst_sigma(design.workpiece(every)) / worst_sigma(solved.in_view.at_workpiece)
     assert at_part == pytest.approx(1.0, abs=0.1)
 
 
@@ -89,7 +89,7 @@ def test_one_more_capture_gains_what_the_whole_set_then_has(stands: bool) -> Non
     for k, other in enumerate(others):
         alone = design.workpiece([*first, other])
         # The drift of the sphere and the arm's middle are those of the whole set: a little differs.
-        assert worst_sigma_mm(added[k]) == pytest.approx(float(worst_sigma_mm(alone)), rel=0.05)
+        assert worst_sigma(added[k]) == pytest.approx(float(worst_sigma(alone)), rel=0.05)
 
 
 def test_poses_before_a_scanner_that_stands_still_bring_the_ball_into_its_light() -> None:
@@ -115,13 +115,13 @@ def test_every_capture_helps_and_chosen_ones_more_than_random_ones() -> None:
     start = situation(Limits(tilt_deg=20, turn_deg=20))
     taken = followed(start, 10).taken
     design = Design(taken, start.assumed)
-    after = [float(worst_sigma_mm(design.workpiece(range(n)))) for n in range(1, 11)]
+    after = [float(worst_sigma(design.workpiece(range(n)))) for n in range(1, 11)]
     assert after == sorted(after, reverse=True)
     rng = np.random.default_rng(4)
     some = candidates(start.room, TOOL, CENTER, RADIUS_MM, 150, rng, at_edge=0.0)
     random = Design(start.seen_from(some), start.assumed)
     sets = [sorted(rng.choice(len(some), 10, replace=False)) for _ in range(15)]
-    usual = float(np.median([worst_sigma_mm(random.workpiece(one)) for one in sets]))
+    usual = float(np.median([worst_sigma(random.workpiece(one)) for one in sets]))
     assert after[-1] < 0.8 * usual
 
 
@@ -129,7 +129,7 @@ def test_every_capture_helps_and_chosen_ones_more_than_random_ones() -> None:
 def test_a_set_that_is_thought_of_ahead_leaves_less_than_the_best_pose_each_time() -> None:
     start = situation(Limits(tilt_deg=20.0, turn_deg=25.0))
     ahead, each = (followed(start, 6, until) for until in (12, 0))
-    sigmas = [float(worst_sigma_mm(Design(now.taken, now.assumed).workpiece(range(6)))) for now in (ahead, each)]
+    sigmas = [float(worst_sigma(Design(now.taken, now.assumed).workpiece(range(6)))) for now in (ahead, each)]
     assert sigmas[0] < sigmas[1]
 
 

@@ -18,7 +18,8 @@ from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.undetermined import about_travel, without_turns
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.findings.codes import tcp as codes
-from calib_core.frames import FloatArray, RigidTransform, skew
+from calib_core.frame_graph import apart_moves
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Undetermined, VarianceComponents
 from calib_core.records.results import ArmErrorsFound, AtPoint, FoundFrame, LeftInFiles, OpticsShift, ScannerFound
 from calib_core.stages.axes_found import axes_found
@@ -142,13 +143,8 @@ def _between(held: Held, one: int, other: int) -> FoundFrame:
     known, straight = held.known_off, held.straight
     right = straight.state if straight else replace(state, position=state.position.moved(layout, -known))
     apart, as_right = (at.mount(one).inverse() @ at.mount(other) for at in (state, right))
-    first, back = right.mount(one).rotation.T, as_right.rotation.T
-    # x = X₁⁻¹ X₂: an error of X₂ on its right stays, that of X₁ is seen from there.
-    by_one, by_other = np.zeros((6, 6)), np.eye(6)
-    by_one[:3, :3], by_one[3:, :3] = -back, skew(as_right.translation_mm)
-    by_one[3:, 3:], by_other[3:, 3:] = -first, first
     rows = np.zeros((6, len(held.covariance)))
-    rows[:, layout.mount(one)], rows[:, layout.mount(other)] = by_one, by_other
+    rows[:, np.r_[layout.mount(one), layout.mount(other)]] = apart_moves(right.mount(one), right.mount(other))
     names = [f"laser:{layout.mounts[n][0]}" for n in (one, other)]
     off = as_right.difference(apart)
     covariance = rows @ (held.covariance - np.outer(known, known)) @ rows.T
