@@ -32,8 +32,7 @@ from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
 from calib_core.formats.shared.writing import replacing
 from calib_core.messages import message
-from calib_core.records import Record, Session, Verdict, parse_session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Record, Session, Verdict, parse_session
 from calib_core.records.findings import Finding
 from calib_core.records.plain_json import require_plain
 

@@ -21,8 +21,7 @@ from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.messages import message, with_parts
 from calib_core.moment import now, text_of_seconds
-from calib_core.records import Record, Session, parse_session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Record, Session, parse_session
 from calib_core.records.plain_json import require_plain, told_once
 
 SESSION_FILE = "session.json"

@@ -17,8 +17,7 @@ from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.board_refusal import CELL_BOARD
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.stripe_looks import StripeLooks, look_again
-from calib_core.records import Board, Capture, Cell
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Board, Capture, Cell, ReadFile
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 

@@ -14,8 +14,7 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.findings.codes.circumstances import CERTIFICATE_FILE, CERTIFICATE_OVERDUE
 from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.messages import message, plural
-from calib_core.records import Finding, Record, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Finding, ReadFile, Record, Session
 from calib_core.records.policy import Equipment, EquipmentCertificate
 
 _DATE = len("2026-11-03")

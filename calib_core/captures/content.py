@@ -14,8 +14,7 @@ from calib_core.formats.points import known_points, read_file
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import plural
 from calib_core.poses.numbers import parse_pose
-from calib_core.records import Capture, Cell, Sphere
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, ReadFile, Sphere
 from calib_core.records.sphere_class import diameter_sigma_mm
 from calib_core.steps import steps_that_show
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import calibration_of, plane_of
@@ -19,12 +18,10 @@ from calib_core.chain.table_frame import frame_covariance
 from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.whole import ChainSolution
 from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
-from calib_core.records import Session
-from calib_core.records.callbacks import ReadFile
-
-FloatArray = NDArray[np.float64]
+from calib_core.records import ReadFile, Session
 
 _LENS = ("fx", "fy", "cx", "cy")
 _NEGLIGIBLE = 1e-8

@@ -9,8 +9,7 @@ from calib_core.captures.observe import doubts_of, points_of, see_sphere
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding, measured_with
 from calib_core.findings.codes.quality import FILE_DOUBTFUL
-from calib_core.records import Capture, Cell, Measured, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, Measured, ReadFile, Session
 from calib_core.sphere.arc import ArcFit
 
 

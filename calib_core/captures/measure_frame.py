@@ -17,8 +17,7 @@ from calib_core.optics.adjust import Corners
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_start import homographies
 from calib_core.optics.stripe import find_stripe
-from calib_core.records import Capture, Measured, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Measured, ReadFile, Session
 
 _PREVIEW_POINTS = 200
 _SOFT_EDGE_PX, _MOST_SATURATED = 6.0, 0.25

@@ -9,8 +9,7 @@ from calib_core.captures.observe import arc_observation, see_sphere
 from calib_core.cell.carriers import scanner_told
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
-from calib_core.records import Capture, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, ReadFile, Session
 from calib_core.sphere.arc import ArcFit, fit_arc
 
 _MOST = 4

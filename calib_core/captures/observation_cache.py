@@ -18,7 +18,7 @@ from typing import Protocol, TypeVar
 
 from calib_core.captures.observation_bytes import from_bytes, to_bytes
 from calib_core.errors import MeasurementError
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile
 
 _MEMORY_BYTES = 64_000_000
 _PACKAGE = Path(__file__).resolve().parents[1]

@@ -18,8 +18,7 @@ from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.formats.format import Reading
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Cell, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, ReadFile, Session
 from calib_core.sphere.arc import ArcFit, fit_arc, without_rim
 from calib_core.sphere.cloud import SphereFit, fit_sphere
 from calib_core.steps import steps_that_show

@@ -18,8 +18,7 @@ from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.findings import Finding
 from calib_core.findings.codes.tcp import BOARD_PITCH
-from calib_core.records import Capture, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, ReadFile, Session
 from calib_core.sphere.arc import fit_arc
 
 _LEAST_CAPTURES = 6

@@ -35,8 +35,7 @@ from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import light_squares
 from calib_core.optics.stripe_looks import look_along
-from calib_core.records import Capture, Cell, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, ReadFile, Session
 from calib_core.records.camera_result import CameraResult
 
 

@@ -10,8 +10,7 @@ from calib_core.captures.sweep import sweep_poses
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records import Capture, Cell
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, ReadFile
 
 _NEARER_THAN_A_ROBOT_CAN_MM = 10.0
 _FARTHER_THAN_A_ROBOT_CAN_M = 50.0

@@ -17,8 +17,7 @@ from calib_core.formats.shared.writing import FAR_MM
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, SingleArray, as_rows
 from calib_core.messages import message, plural
-from calib_core.records import Capture, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, ReadFile, Session
 
 DEFAULT_SIGMA_MM = 0.02
 """Of a cloud without a grid, whose own noise is not estimated."""

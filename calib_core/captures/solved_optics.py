@@ -13,8 +13,7 @@ from calib_core.graph.keys import inputs_sha256, stage_captures
 from calib_core.graph.registry import STAGES
 from calib_core.graph.stage_input import StageInput
 from calib_core.optics.camera_model import CameraModel, Segment, name_distortion
-from calib_core.records import CameraSegment, Session, StageName
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import CameraSegment, ReadFile, Session, StageName
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult, RefinedCamera
 

@@ -3,22 +3,17 @@
 What was solved is remembered by what it was solved from, so that fourteen frames of a sphere calibrate once.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calib_core.captures.boards import read_frame
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.solved_optics import camera_from_result, camera_of, require_captures_of, solve_once
 from calib_core.errors import InputError
+from calib_core.frames import FloatArray
 from calib_core.messages import plural
 from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
-from calib_core.records import Capture, KnownCamera, KnownPlane, ResultsData, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, KnownCamera, KnownPlane, ReadFile, ResultsData, Session
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult, RefinedCamera
 from calib_core.steps import steps_that_show
-
-FloatArray = NDArray[np.float64]
 
 
 def read_profile_frame(session: Session, capture: Capture, read: ReadFile) -> FloatArray:

@@ -16,8 +16,7 @@ from calib_core.frames import RigidTransform
 from calib_core.optics.triangulate import stripe_in_frame
 from calib_core.pose_track import interpolate_poses
 from calib_core.poses.numbers import parse_pose
-from calib_core.records import Capture, Cell, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, ReadFile, Session
 
 
 def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:

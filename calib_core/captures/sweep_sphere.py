@@ -19,8 +19,7 @@ from calib_core.findings import Finding
 from calib_core.findings.codes.quality import FEW_PROFILES, SWEEP_EMPTY, SWEEP_OF_OBJECT, SWEEP_PROFILES
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message
-from calib_core.records import Capture, Measured, Session, Still
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Measured, ReadFile, Session, Still
 from calib_core.sphere.arc import ArcFit, fit_arc
 
 MOST_PROFILES = 60

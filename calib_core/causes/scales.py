@@ -25,8 +25,7 @@ from calib_core.errors import MeasurementError
 from calib_core.findings import Finding
 from calib_core.findings.codes import causes as codes
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import BeforeAfter, Capture, Cell, Changes, RootCause, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import BeforeAfter, Capture, Cell, Changes, ReadFile, RootCause, Session
 from calib_core.sphere.arc import ArcFit, fit_arc
 from calib_core.sphere.circle import fit_circle
 

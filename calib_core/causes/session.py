@@ -19,8 +19,7 @@ from calib_core.findings import Finding, causes_of, has
 from calib_core.findings.codes import causes as codes
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
-from calib_core.records import BeforeAfter, Capture, Changes, ResultsData, RootCause, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import BeforeAfter, Capture, Changes, ReadFile, ResultsData, RootCause, Session
 
 _NO_POSE = np.eye(4).ravel().tolist()
 _ASKED = 12  # captures that a hypothesis on files is tried on

@@ -16,8 +16,7 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
 from calib_core.graph.temperature import at_temperature
-from calib_core.records import Capture, Cell, Result, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, ReadFile, Result, Session
 from calib_core.steps import steps_that_show
 
 _LATER = {

@@ -9,8 +9,7 @@ from calib_core.chain.observations import SphereObservation, SphereSize, TableOb
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import sentence_of
 from calib_core.graph.registry import stages
-from calib_core.records import Capture, Finding, Result, Session
-from calib_core.records.callbacks import Progress, ReadFile, StoreFile
+from calib_core.records import Capture, Finding, Progress, ReadFile, Result, Session, StoreFile
 
 if TYPE_CHECKING:
     from calib_core.chain.late_scanner import LateScanner

@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.project import band_position, blend_bands, tilt_homography
 from calib_core.kernels.undistort import distortion_and_slopes
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 LENS = 4  # where the first band's coefficients stand

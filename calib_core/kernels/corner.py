@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from calib_core.frames import FloatArray
+
 Window = tuple[float, float, float]
 
 _TERMS = 9  # u, v, angles of the two edges' normals, w; then h, m, g_u, g_v

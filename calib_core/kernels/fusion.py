@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from calib_core.frames import FloatArray
+
 SingleArray = NDArray[np.float32]
 KeyArray = NDArray[np.int64]
 CountArray = NDArray[np.int32]

@@ -2,9 +2,8 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from calib_core.frames import FloatArray
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

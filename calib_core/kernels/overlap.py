@@ -4,7 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from calib_core.frames import FloatArray
+
 IndexArray = NDArray[np.int64]
 
 _PARTNERS = 3  # in a voxel, each scan is registered to so many others, around the circle of all

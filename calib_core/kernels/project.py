@@ -4,11 +4,9 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.undistort import distortion_and_slopes, sensor_to_distorted
-
-FloatArray = NDArray[np.float64]
 
 _MOST_STEPS = 50
 

@@ -4,7 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from calib_core.frames import FloatArray
+
 IndexArray = NDArray[np.int64]
 
 """n, Σu (3), Σ uuᵀ upper triangle (6), Σ res·u (3), Σ res, Σ res²: all over the points within the cut."""

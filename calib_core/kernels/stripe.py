@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.stripe_filters import StripeFilters
 
 ImageArray = NDArray[Any]  # uint8 or uint16
-FloatArray = NDArray[np.float64]
 TableArray = NDArray[np.float32]
 CodeArray = NDArray[np.uint8]
 

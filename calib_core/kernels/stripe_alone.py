@@ -4,9 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.stripe import ALONE, OK
 
-FloatArray = NDArray[np.float64]
 CodeArray = NDArray[np.uint8]
 
 _REACH = 5

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.stripe import OK, Limits, measure_columns
 from calib_core.kernels.stripe_alone import mark_alone
 from calib_core.kernels.stripe_filters import PHASES, StripeFilters, filters_of, noise_ratio_of
@@ -19,7 +20,6 @@ from calib_core.kernels.stripe_width import peak_width
 
 ImageArray = NDArray[Any]  # uint8 or uint16
 WordArray = NDArray[Any]  # uint16 or uint32
-FloatArray = NDArray[np.float64]
 CodeArray = NDArray[np.uint8]
 RowArray = NDArray[np.int32]
 

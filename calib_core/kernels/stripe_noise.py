@@ -6,8 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
+
 ImageArray = NDArray[Any]  # uint8 or uint16
-FloatArray = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

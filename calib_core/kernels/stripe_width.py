@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.stripe import gather_clean
 
 ImageArray = NDArray[Any]  # uint8 or uint16
-FloatArray = NDArray[np.float64]
 
 BINS_PER_PX = 2
 

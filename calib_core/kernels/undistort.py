@@ -12,9 +12,8 @@ The 14 coefficients are k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tauX tauY.
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from calib_core.frames import FloatArray
 
 BLOCK = 256
 _LARGEST_STEP_SQUARED = (

@@ -6,7 +6,7 @@ from calib_core.archive import archive
 from calib_core.archive.archive import ArchiveFacts
 from calib_core.archive.folder import load_session
 from calib_core.archive.stored_results import stored_results
-from calib_core.records.callbacks import Progress
+from calib_core.records import Progress
 from calib_core.review.replay import Replay
 from calib_core.review.replay import replay as replay_session
 

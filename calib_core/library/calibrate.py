@@ -22,8 +22,7 @@ from calib_core.library.inputs import (
 )
 from calib_core.library.opened import OpenSession
 from calib_core.messages import message
-from calib_core.records import Capture
-from calib_core.records.callbacks import Progress
+from calib_core.records import Capture, Progress
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.chain.record import ChainResult

@@ -13,8 +13,7 @@ from calib_core.archive.folder import HISTORY_FILE, SESSION_FILE, load_session, 
 from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
-from calib_core.records import Capture, Cell, Finding, Result, ResultsData, Session
-from calib_core.records.callbacks import Progress, ReadFile
+from calib_core.records import Capture, Cell, Finding, Progress, ReadFile, Result, ResultsData, Session
 
 if TYPE_CHECKING:
     from calib_core.exports.answer import Answer

@@ -10,13 +10,13 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from calib_core.errors import InputError
+from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.records import KnownCamera
 
-FloatArray = NDArray[np.float64]
 Model = Literal["plain", "rational", "tilted", "segmental"]
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tauX", "tauY")

@@ -16,13 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding
 from calib_core.findings.codes import laser_plane as codes
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.camera_model import CameraModel
 
 if TYPE_CHECKING:
     from calib_core.optics.board_shape import BoardShape
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _TRIALS = 400

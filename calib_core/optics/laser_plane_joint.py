@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.frames import FloatArray
 from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.optics.adjust import (
     Adjusted,
@@ -28,8 +29,6 @@ from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane_borne_out import Boards, borne_out, student
 from calib_core.optics.laser_plane_held_out import stripes_worsen_corners
 from calib_core.optics.stripe import StripeCenters
-
-FloatArray = NDArray[np.float64]
 
 HUBER = 3.0
 _LEAST_STRIPE_SIGMA_PX = 0.01

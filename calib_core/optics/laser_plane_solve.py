@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calib_core.errors import MotionError
 from calib_core.findings import Finding
 from calib_core.findings.codes.laser_plane import CAMERA_HELD
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.adjust import Corners, State, fit_poses, shared_vector
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_ground import without_board
@@ -36,8 +36,6 @@ from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import drawn_px
 from calib_core.optics.stripe_looks import look_without_board
-
-FloatArray = NDArray[np.float64]
 
 _POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.003

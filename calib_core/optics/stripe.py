@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.optics.stripe_flanks import flank_centers
 from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
 from calib_core.optics.stripe_view import Axis, Color, ImageArray, StripeView, view_of
-
-FloatArray = NDArray[np.float64]
 
 _USUAL_WIDTH_PX = 2.0
 _REASONS: tuple[str, ...] = ("used", "weak", "saturated", "double", "irregular", "isolated")

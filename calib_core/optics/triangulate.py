@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError, MeasurementError
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import camera_from_laser_of, oriented_plane
 from calib_core.optics.stripe import StripeCenters, StripeOptions, find_stripe
-
-FloatArray = NDArray[np.float64]
 
 _STEP_PX = 0.01
 

@@ -22,6 +22,7 @@ from calib_core.records.base import (
     Vector3,
     Verdict,
 )
+from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 from calib_core.records.causes import (
     BeforeAfter,
     CauseKind,
@@ -80,14 +81,13 @@ from calib_core.records.topology import (
 
 __all__ = [
     "FORMAT", "ArmJoint", "ArmTable", "BeforeAfter", "Board", "BoardFacing", "BoardsSeen", "CameraSegment",
-    "Capture",
-    "CaptureResidual", "CauseKind", "Cell", "CellAxis", "Changes", "CheckLine", "Finding", "Finite",
+    "Capture", "CaptureResidual", "CauseKind", "Cell", "CellAxis", "Changes", "CheckLine", "Finding", "Finite",
     "FlangeReading", "FoundAxis", "FoundSphere", "Guide", "GuideLast", "GuideNow", "GuideStatus", "GuideStep",
     "GuidedStep", "Identifier", "Kind", "Known", "KnownCamera", "KnownFrame", "KnownPlane", "LimitChange",
     "Matrix4", "Measured", "MergeSettings", "MessageParts", "Meter", "MeterPoint", "MountedScanner",
-    "NotNegative", "PartAlignment", "PoseConvention", "PoseReading", "Positive", "Record", "Result", "ResultsData",
-    "Robot", "RootCause", "Rows", "Scanner", "Session", "Severity", "Sphere", "SphereDistance", "StageName",
-    "StepName", "Still", "TableReading", "TimedPose", "Turntable", "Undetermined", "VarianceComponents", "Vector3",
-    "Verdict", "Verification", "input_error", "input_error_from_details", "parse_capture", "parse_cell",
-    "parse_session"
+    "NotNegative", "PartAlignment", "PoseConvention", "PoseReading", "Positive", "Progress", "ReadFile", "Record",
+    "Result", "ResultsData", "Robot", "RootCause", "Rows", "Scanner", "Session", "Severity", "Sphere",
+    "SphereDistance", "StageName", "StepName", "Still", "StoreFile", "TableReading", "TimedPose", "Turntable",
+    "Undetermined", "VarianceComponents", "Vector3", "Verdict", "Verification", "input_error",
+    "input_error_from_details", "parse_capture", "parse_cell", "parse_session",
 ]  # fmt: skip

@@ -20,9 +20,8 @@ from calib_core.findings.codes.provenance import SEAL_BROKEN
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records import Finding, Finite, Matrix4, Record, ResultsData, Session, Severity, Verdict
+from calib_core.records import Finding, Finite, Matrix4, ReadFile, Record, ResultsData, Session, Severity, Verdict
 from calib_core.records.base import Open, Rows
-from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.policy import Equipment
 from calib_core.records.results import FoundFrame

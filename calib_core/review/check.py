@@ -29,8 +29,7 @@ from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
 from calib_core.messages import ENGLISH, Catalogue, Value
 from calib_core.moment import now
-from calib_core.records import Capture, Cell, CheckLine, Measured, Record, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Cell, CheckLine, Measured, ReadFile, Record, Session
 from calib_core.records.sphere_class import diameter_sigma_mm
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 from calib_core.steps import step_names, steps_that_show

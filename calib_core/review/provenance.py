@@ -26,8 +26,7 @@ from calib_core.findings.codes.provenance import (
     SEAL_BROKEN,
 )
 from calib_core.graph.keys import Graph
-from calib_core.records import ResultsData, Session
-from calib_core.records.callbacks import Progress, ReadFile
+from calib_core.records import Progress, ReadFile, ResultsData, Session
 from calib_core.records.faults import OF_RESULTS
 from calib_core.records.findings import Finding
 from calib_core.review.answer import answer_record

@@ -10,8 +10,7 @@ from calib_core.findings.codes.provenance import REPLAY_DIFFERS, REPLAYED_OTHER_
 from calib_core.graph.keys import Graph
 from calib_core.graph.stage import SOFTWARE
 from calib_core.messages import message
-from calib_core.records import Record, ResultsData, Session
-from calib_core.records.callbacks import Progress, ReadFile
+from calib_core.records import Progress, ReadFile, Record, ResultsData, Session
 from calib_core.review.same_numbers import SIGMAS, TOLERANCE, StageReplay, compare, frame_sigmas
 from calib_core.stages.pipeline import solve_stage
 

@@ -13,8 +13,7 @@ from calib_core.graph.stage import Stage
 from calib_core.graph.stage_input import FindCrew, Kept, StageInput
 from calib_core.graph.temperature import temperature_findings
 from calib_core.messages import message
-from calib_core.records import Capture, Result, Session
-from calib_core.records.callbacks import Progress, ReadFile, StoreFile
+from calib_core.records import Capture, Progress, ReadFile, Result, Session, StoreFile
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.evidence import with_evidence

@@ -12,8 +12,7 @@ from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
     from calib_core.formats.format import Format
-    from calib_core.records import Result, Session
-    from calib_core.records.callbacks import ReadFile
+    from calib_core.records import ReadFile, Result, Session
 
 _FIRST_BYTES = 64_000
 

@@ -13,8 +13,7 @@ from server.console.output import print_result, remark
 if TYPE_CHECKING:
     from calib_core.errors import CalibrationError
     from calib_core.messages import Catalogue
-    from calib_core.records import Result, RootCause, Session
-    from calib_core.records.callbacks import ReadFile
+    from calib_core.records import ReadFile, Result, RootCause, Session
     from server.console.client import Scancell
 
 

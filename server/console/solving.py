@@ -6,8 +6,7 @@ from typing import Any
 from calib_core.archive.folder import result_data
 from calib_core.errors import CalibrationError
 from calib_core.messages import message
-from calib_core.records import Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Session
 from calib_core.stages.pipeline import run as run_stages
 from server.console.output import remark
 from server.console.progress import progress_bar

@@ -11,8 +11,7 @@ from calib_core.cell.carriers import rides_with_robot
 from calib_core.cell.found import ScannerPlaced, known_scanner, on_flange
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Result, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Result, Session
 from calib_core.stages.merge.record import MergeResult
 from calib_core.steps import table_stages, tool_stages
 

@@ -13,8 +13,7 @@ from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
 from calib_core.graph.registry import stages
-from calib_core.records import Capture, Measured, ResultsData, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, Measured, ReadFile, ResultsData, Session
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import ReadOutput, merged_cloud, merged_scans
 from server.scenes.scene_input import SceneInput

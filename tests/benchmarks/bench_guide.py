@@ -22,8 +22,7 @@ from calib_core.frames import FloatArray
 from calib_core.guidance.advice import advice_in
 from calib_core.guidance.design import worst_sigma
 from calib_core.guidance.prior import situation_of
-from calib_core.records import Measured, Session, parse_session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Measured, ReadFile, Session, parse_session
 from calib_core.simulation import TcpScenario, simulate_tcp
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage

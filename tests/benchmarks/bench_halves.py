@@ -22,8 +22,7 @@ from calib_core.chain.tcp import solve_tcp
 from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Session, parse_session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Session, parse_session
 
 if TYPE_CHECKING:
     from calib_core.optics.board import BoardView

@@ -17,8 +17,7 @@ from calib_core.captures import observe
 from calib_core.captures.capture_observation import Seen
 from calib_core.captures.observation_bytes import from_bytes, to_bytes
 from calib_core.errors import MeasurementError
-from calib_core.records import Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Session
 from calib_core.review.replay import replay
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.sphere.arc import ArcFit

@@ -24,8 +24,7 @@ from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, SolvedTcp, StageInput
 from calib_core.messages import Value, message
-from calib_core.records import Capture, Cell
-from calib_core.records.callbacks import Progress, ReadFile
+from calib_core.records import Capture, Cell, Progress, ReadFile
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.sweep_rows import mark_sweeps, one_row_each
 from calib_core.stages.tcp.record import TcpResidual, TcpResult

@@ -26,8 +26,7 @@ from calib_core.findings.codes import turntable as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
 from calib_core.messages import Names, message
-from calib_core.records import Capture, Cell
-from calib_core.records.callbacks import Progress
+from calib_core.records import Capture, Cell, Progress
 from calib_core.stages.tcp.solve import observe_stage, require_told_apart, solve_tcp_captures, with_all_rows
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult

@@ -9,8 +9,7 @@ import numpy as np
 from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.findings.codes.verify import NOT_HELD_OUT
 from calib_core.frames import RigidTransform, vector_from_rotation
-from calib_core.records import Capture
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, ReadFile
 from calib_core.records.findings import Finding
 
 _SAME_POINT_MM: Final = 1e-3

@@ -16,8 +16,7 @@ from calib_core.findings import Finding, reasons_of
 from calib_core.findings.codes.verify import PLATE_NOT_TURNED, POINTS_BESIDE_PLATE
 from calib_core.frames import FloatArray, stack_matrices
 from calib_core.messages import message
-from calib_core.records import Capture, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, ReadFile, Session
 from calib_core.stages.verify.decision import Estimate, jackknifed, range_and_band
 from calib_core.stages.verify.record import VerifyResidual
 

@@ -16,8 +16,7 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import in_language
 from calib_core.messages import message
 from calib_core.moment import now
-from calib_core.records import ResultsData, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, ResultsData, Session
 from calib_core.review.answer import answer_of_folder
 from calib_core.review.decided_before import decided_before_in
 from calib_core.review.provenance import verify as verify_archive

@@ -31,8 +31,7 @@ from calib_core.library.machines import files_of
 from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.proof import WORDS, is_experimental
-from calib_core.records import Record, Result, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Record, Result, Session
 from calib_core.records.faults import NotUsableError, allowed_faults
 from calib_core.review.decided_before import decided_before_in
 from calib_core.review.provenance import replayed

@@ -16,8 +16,7 @@ from calib_core.findings import in_language
 from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.messages import ENGLISH, Catalogue, Message, message, plural
 from calib_core.moment import now, said_moment
-from calib_core.records import Capture, Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import Capture, ReadFile, Session
 from calib_core.records.decided_before import DECISIONS, DecidedBefore
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.records.faults import in_order

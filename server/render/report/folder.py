@@ -9,8 +9,7 @@ from typing import Any
 from calib_core.archive.folder import past_of
 from calib_core.archive.release_file import RELEASE_FILE, acknowledged_told, release_told
 from calib_core.errors import CalibrationError
-from calib_core.records import Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Session
 from calib_core.review.decided_before import decided_before_in
 from calib_core.review.standing import said_acknowledgement, said_signed
 from server.render.report.circumstances import certificate_files

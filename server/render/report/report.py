@@ -23,8 +23,7 @@ from calib_core.findings.telling import block_in, told
 from calib_core.formats.shared.images import decode_image
 from calib_core.graph.registry import stages
 from calib_core.messages import Catalogue
-from calib_core.records import Session
-from calib_core.records.callbacks import ReadFile
+from calib_core.records import ReadFile, Session
 from calib_core.records.evidence import AnyBlock
 from calib_core.review.truth import truth_blocks
 from calib_core.stages.evidence import stored_evidence, title_of
