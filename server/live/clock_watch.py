@@ -6,12 +6,15 @@ since the measurement, of scanner against robot, is drift.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
-from calib_core.clock_offset import ClockOffset
+from calib_core.clock_offset import ClockOffset, clock_offset
+from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
 from calib_core.messages import message
-from server.sources.device import Reading
+from server.sources.device import Reading, Sample
 from server.store.models import Data
 
 LEAST_DRIFT_S = 0.004
@@ -19,6 +22,14 @@ LEAST_DRIFT_S = 0.004
 _BUCKET_S = 1.0
 _BUCKETS = 5
 _FEWEST = 3
+
+
+class SeenArc(NamedTuple):
+    """When an arc was seen, whether by its device's clock, and where: x, z and radius, mm."""
+
+    time_s: float
+    by_device: bool
+    arc: FloatArray
 
 
 class ClockEnvelope:
@@ -118,3 +129,29 @@ class MeasuredClocks:
         self.offset, self.by_device = offset, by_device
         self.watch.mark()
         self._keep({"offset": asdict(offset), "by_device": by_device, "measured_s": self.watch.measured_s})
+
+    def measure(self, robot: Sequence[Sample], seen: Sequence[SeenArc]) -> tuple[ClockOffset, str]:
+        """Return how much more the scanner's clock tells than the robot's, and which clocks these are; take it.
+
+        Raises
+        ------
+        MotionError, MeasurementError
+            If the samples and arcs are not of a move back and forth with the sphere in view.
+        """
+        if len(robot) < 2 or not seen:
+            need = "poses of the robot and exposures of the sphere"
+            raise MeasurementError(need, "none", "Connect both, and move back and forth.")
+        of_scanner, of_robot = seen[-1].by_device, all(s.device_time_s is not None for s in robot)
+        times = [(s.device_time_s if of_robot else None) or s.host_time_s for s in robot]
+        positions = [s.base_from_tool0.translation_mm for s in robot if s.base_from_tool0 is not None]
+        seen = [one for one in seen if one.by_device == of_scanner and times[0] - 1 < one.time_s < times[-1] + 1]
+        if len(seen) < 2:
+            to_do = message("Set the devices' clocks to within a second.")
+            raise MeasurementError("exposures within the robot's track", "none", to_do)
+        found = clock_offset(times, positions, [one.time_s for one in seen], [one.arc for one in seen])
+        self.take(found, (of_scanner, of_robot))
+        return found, f"scanner: {_clock(of_scanner)}, robot: {_clock(of_robot)}"
+
+
+def _clock(by_device: bool) -> str:
+    return "device" if by_device else "arrival"

@@ -326,3 +326,30 @@ def _of_sample(sample: Sample) -> str | None:
     if sample.table_deg is not None and not math.isfinite(sample.table_deg):
         return "a table angle that is not a finite number"
     return None
+
+
+class Links(dict[str, Link]):
+    """The links of a live cell by their devices' names, and whose clocks are believed.
+
+    A clock is believed of devices that were seen to leave a place together: neither was late from its start on.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._believed: set[object] = set()
+
+    def of(self, *delivered: str) -> list[Link]:
+        """Return the links of devices that deliver any of these."""
+        return [link for link in list(self.values()) if set(delivered) & set(link.source.delivers)]
+
+    def believe(self, together: str) -> None:
+        """Believe the clocks of a device and the scanner, which just left a place together."""
+        self._believed |= {link.baseline for link in self.of(together, "scanner")}
+
+    def are_stamped(self, *delivered: str) -> bool:
+        """Return whether every reading of such devices tells its time."""
+        return all(link.is_timed for link in self.of(*delivered))
+
+    def are_timed(self, *delivered: str) -> bool:
+        """Return whether such devices' times tell how late their readings are."""
+        return self.are_stamped(*delivered) and {link.baseline for link in self.of(*delivered)} <= self._believed

@@ -1,6 +1,7 @@
 """What is asked of a live cell and what it makes of it: a shot, and the capture that a standstill becomes."""
 
 import time
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import PurePath
@@ -10,13 +11,19 @@ from pydantic import Field
 
 from calib_core.frames import RigidTransform
 from calib_core.moment import text_of_seconds
-from calib_core.records import Capture, Cell, Record, StepName, parse_capture
+from calib_core.records import Capture, Cell, Measured, Record, StepName, parse_capture
 from calib_core.robots import to_pose
 from calib_core.steps import capture_steps, steps_that_show
 from server.live.recording import Recorded
 from server.live.standstill import Rest
 from server.sources.device import Sample, host_now_s
 from server.store.audit import Act
+
+Take = Callable[[Capture, Mapping[str, bytes]], Measured]
+"""Stores a capture and returns what was measured in it; raises CalibrationError."""
+
+LeaveOut = Callable[[str, str], object]
+"""Excludes a capture by its id, and says why; raises CalibrationError."""
 
 
 class CaptureSettings(Record):

@@ -9,25 +9,32 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.clock_offset import ClockOffset, clock_offset
-from calib_core.errors import CalibrationError, ConflictError, MeasurementError
+from calib_core.clock_offset import ClockOffset
+from calib_core.errors import CalibrationError, ConflictError
 from calib_core.findings import sentence_of
-from calib_core.frames import FloatArray
 from calib_core.messages import message
-from calib_core.records import Capture, Cell, Measured
+from calib_core.records import Capture, Cell
 from calib_core.steps import steps_that_show
 from server.live.agreement import Agreement
-from server.live.clock_watch import MeasuredClocks
+from server.live.clock_watch import MeasuredClocks, SeenArc
 from server.live.exposures import Exposure, Optics, exposure_of
 from server.live.held_up import Pulse
-from server.live.link import Link
-from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
+from server.live.link import Link, Links
+from server.live.live_captures import (
+    CaptureSettings,
+    LeaveOut,
+    Shot,
+    Take,
+    Taken,
+    capture_of_rest,
+    capture_of_sweep,
+)
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
 from server.live.shots import (
+    Shots,
     held_up,
     left_out,
     no_scanner,
-    no_standstill,
     require_agreement,
     require_good,
     require_undisturbed,
@@ -40,13 +47,6 @@ from server.store.audit import acting
 
 log = logging.getLogger("scancell")
 
-Take = Callable[[Capture, Mapping[str, bytes]], Measured]
-"""Stores a capture and returns what was measured in it; raises CalibrationError."""
-
-LeaveOut = Callable[[str, str], object]
-"""Excludes a capture by its id, and says why; raises CalibrationError."""
-
-SHOT_WAITS_S = 8.0
 _SAMPLES, _EXPOSURES, _SEEN = 4000, 12, 1200
 _IDLE_S = 0.1
 _BEHIND_S = 1.0
@@ -79,20 +79,19 @@ class LiveCell:
     ) -> None:
         self._load, self._take, self._leave_out = load, take, leave_out
         self._settings, self.rules = settings, rules or Rules()
-        self.links: dict[str, Link] = {}
+        self.links = Links()
         self._robot: deque[Sample] = deque(maxlen=_SAMPLES)
         self._table: deque[Sample] = deque(maxlen=_SAMPLES)
         self._with_angle: set[str] = set()  # devices that have told the table's angle, and may be silent now
         self._exposures: deque[Exposure] = deque(maxlen=_EXPOSURES)
-        self._seen: deque[tuple[float, bool, FloatArray]] = deque(maxlen=_SEEN)
+        self._seen: deque[SeenArc] = deque(maxlen=_SEEN)
         self._frame: Frame | None = None
-        self._shots: deque[Shot] = deque()
+        self._shots = Shots()
         self._arrived = threading.Condition()
         self._stopped = False
         self._taken_at: tuple[Sample | None, float | None] | None = None
         self._pulse, self._newest_s = Pulse(), -np.inf
         self._agreement = Agreement(self.rules, self._unwatched_s)
-        self._believed: set[object] = set()  # clocks of devices that were seen to leave a place with the others
         self._taken_here: tuple[str, float] | None = None  # the last capture, and since when the pose had stood
         self.last: Taken | None = None
         self.waits_for = ""
@@ -193,14 +192,13 @@ class LiveCell:
         ConflictError
             If no scanner is connected.
         """
-        if not any("scanner" in link.source.delivers for link in self.links.values()):
+        if not self.links.of("scanner"):
             raise no_scanner()
         with self._arrived:
             self._shots.append(shot)
             self._arrived.notify_all()
-        for link in list(self.links.values()):
-            if "scanner" in link.source.delivers:
-                link.trigger()
+        for link in self.links.of("scanner"):
+            link.trigger()
 
     @property
     def state(self) -> tuple[int, list[str]]:
@@ -231,26 +229,8 @@ class LiveCell:
             If the newest readings are not of a move back and forth with the sphere in view.
         """
         with self._arrived:
-            robot = newest_way(self._robot)
-            seen = [one for one in self._seen if one[1] == self._seen[-1][1]]
-        if len(robot) < 2 or not seen:
-            need = "poses of the robot and exposures of the sphere"
-            raise MeasurementError(need, "none", "Connect both, and move back and forth.")
-        by_device = all(s.device_time_s is not None for s in robot)
-        times = [(s.device_time_s if by_device else None) or s.host_time_s for s in robot]
-        positions = [s.base_from_tool0.translation_mm for s in robot if s.base_from_tool0 is not None]
-        moments, arcs = [one[0] for one in seen], [one[2] for one in seen]
-        within = [times[0] - 1 < moment < times[-1] + 1 for moment in moments]
-        kept = [k for k, is_within in enumerate(within) if is_within]
-        clocks = (
-            f"scanner: {'device' if seen[-1][1] else 'arrival'}, robot: {'device' if by_device else 'arrival'}"
-        )
-        if len(kept) < 2:
-            to_do = message("Set the devices' clocks to within a second.")
-            raise MeasurementError("exposures within the robot's track", "none", to_do)
-        found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
-        self.clocks.take(found, (seen[-1][1], by_device))
-        return found, clocks
+            robot, seen = newest_way(self._robot), list(self._seen)
+        return self.clocks.measure(robot, seen)
 
     def sweep(self, shot: Shot, seconds: float, folder: Path) -> Taken:
         """Record exposures and poses for a while, on the move or not, and store them as one capture.
@@ -274,7 +254,7 @@ class LiveCell:
         with self._arrived:
             self.recording, ended_s = None, host_now_s()
             table = [sample for sample in self._table if sample.host_time_s >= began_s]
-            against = self._agreement.contradicted_since(began_s, self._is_stamped("scanner"))
+            against = self._agreement.contradicted_since(began_s, self.links.are_stamped("scanner"))
         recorded = recording.end()
         require_undisturbed(against, self.turned_s >= began_s)
         cell, taken, _ = self._load()
@@ -299,9 +279,8 @@ class LiveCell:
             except Exception:  # one exposure's fault must not end the watching
                 log.exception("a live cell")
                 self.waits_for = "Looking at an exposure failed; the server's log says more."
-            self._expire()
-        while self._shots:
-            self._shots.popleft().answer.set_exception(no_scanner())
+            self._shots.expire()
+        self._shots.end()
 
     def _look(self, frame: Frame | None) -> None:
         if frame is None:
@@ -311,18 +290,24 @@ class LiveCell:
         with self._arrived:
             self._exposures.append(exposure)
             self._agreement.see(exposure, is_on_table=self._is_on_table)
-            self._believe()
+            together, self._agreement.departures.together = self._agreement.departures.together, None
+            if together is not None:
+                self.links.believe(together)
             if exposure.arc is not None:
                 moment_s = frame.device_time_s
                 arc = np.array([*exposure.arc.center_mm, exposure.arc.radius_mm])
-                self._seen.append((frame.host_time_s if moment_s is None else moment_s, moment_s is not None, arc))
+                self._seen.append(
+                    SeenArc(frame.host_time_s if moment_s is None else moment_s, moment_s is not None, arc)
+                )
             robot, table, exposures = list(self._robot), list(self._table), list(self._exposures)
         self.version += 1
         self._look_back()
         if self._shots:
             self._serve(self._shots[0], cell, taken, robot, table, exposures)
             return
-        rest = self._agreed(stood_still(robot, exposures, self.rules, table, self._is_timed("scanner")), cell)
+        rest = self._agreed(
+            stood_still(robot, exposures, self.rules, table, self.links.are_timed("scanner")), cell
+        )
         weak = None if isinstance(rest, str) else rest.chosen.weak
         self.waits_for = rest if isinstance(rest, str) else "" if weak is None else sentence_of(weak)
         self.is_taken = False
@@ -345,7 +330,7 @@ class LiveCell:
     ) -> None:
         after = [e for e in exposures if e.frame.host_time_s >= shot.asked_s + self.rules.latency_s]
         rest = stood_still(
-            robot or told_standing(shot), after, self.rules, table, not robot or self._is_timed("scanner")
+            robot or told_standing(shot), after, self.rules, table, not robot or self.links.are_timed("scanner")
         )
         rest = self._agreed(rest, cell) if robot else rest
         if isinstance(rest, str):
@@ -372,14 +357,14 @@ class LiveCell:
         if held_s := self._pulse.held_s(began_s - self.rules.untimed_latency_s, host_now_s()):
             return held_up(held_s)
         with self._arrived:
-            nobody_s = 0.0 if self._is_timed("robot", "table") else self._agreement.unwatched_since_s()
+            nobody_s = 0.0 if self.links.are_timed("robot", "table") else self._agreement.unwatched_since_s()
         if nobody_s:
             return stood_unseen(nobody_s)
         if rest.table_deg is None and self._is_on_table:
             return "the table has told nothing yet" if self._with_angle else rest
         with self._arrived:
             told = self._agreement.table_contradiction(rest, cell) if self._is_on_table else ""
-            return told or self._agreement.contradiction(rest, self._is_timed("scanner")) or rest
+            return told or self._agreement.contradiction(rest, self.links.are_timed("scanner")) or rest
 
     def _look_back(self) -> None:
         """Leave out the last capture where a pose without a time stood before the robot did."""
@@ -391,7 +376,7 @@ class LiveCell:
         name, self._taken_here = self._taken_here[0], None
         by_hand = self._is_on_table and not self._with_angle
         timed = ("robot", "table", "scanner") if self._agreement.is_late() else ("robot", "table")
-        if by_hand or self._is_timed(*timed):
+        if by_hand or self.links.are_timed(*timed):
             return
         self._leave_out(name, left_out(nobody_s))
         self.version += 1
@@ -405,29 +390,6 @@ class LiveCell:
     def _is_on_table(self) -> bool:
         """Whether the sphere that is captured is on the table."""
         return self.settings.step in steps_that_show("sphere-on-table")
-
-    def _believe(self) -> None:
-        """Believe the clocks of what just left a place together: neither was late from its start on."""
-        together, self._agreement.departures.together = self._agreement.departures.together, None
-        if together is not None:
-            self._believed |= {link.baseline for link in self._links_of(together, "scanner")}
-
-    def _links_of(self, *delivered: str) -> list[Link]:
-        return [link for link in list(self.links.values()) if set(delivered) & set(link.source.delivers)]
-
-    def _is_stamped(self, *delivered: str) -> bool:
-        """Return whether every reading of such devices tells its time."""
-        return all(link.is_timed for link in self._links_of(*delivered))
-
-    def _is_timed(self, *delivered: str) -> bool:
-        """Return whether such devices' times tell how late their readings are."""
-        known = {link.baseline for link in self._links_of(*delivered)}
-        return self._is_stamped(*delivered) and known <= self._believed
-
-    def _expire(self) -> None:
-        while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:
-            shot = self._shots.popleft()
-            shot.answer.set_exception(no_standstill(shot))
 
     def _store(self, cell: Cell, rest: Rest, taken: set[str], shot: Shot | None) -> Taken:
         devices = ", ".join(f"{link.name} ({link.source.name})" for link in self.links.values())

@@ -1,5 +1,6 @@
 """What a capture must agree with, and why there is none or it is left out again."""
 
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,22 @@ from server.live.standstill import Rest
 from server.sources.device import Sample, host_now_s
 
 _POSES_AGREE_MM, _POSES_AGREE_RAD = 1.0, 0.005
+_WAITS_S = 8.0
+
+
+class Shots(deque[Shot]):
+    """Captures that were asked for and wait, the first to come first."""
+
+    def expire(self) -> None:
+        """Answer those that waited too long."""
+        while self and host_now_s() - self[0].asked_s > _WAITS_S:
+            shot = self.popleft()
+            shot.answer.set_exception(no_standstill(shot))
+
+    def end(self) -> None:
+        """Answer all: there is no scanner any more."""
+        while self:
+            self.popleft().answer.set_exception(no_scanner())
 
 
 def told_standing(shot: Shot) -> list[Sample]:
