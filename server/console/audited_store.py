@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from server.settings import Settings
-from server.store.audit import Act, acting
+from server.store.audit import Act, acting_as
 from server.store.database import Store
 from server.store.folder import require_store
 
@@ -27,10 +27,9 @@ def audited_store(data: Path, command: str, make: bool = False) -> Generator[Sto
     with suppress(OSError, KeyError):  # a user id without a name
         user = getpass.getuser()
     store = Store(settings, lambda _: None)
-    before = acting.set(Act(f"{user} on the server", "admin", None, "", "command", f"scancell {command}"))
     try:
-        store.migrate()
-        yield store
+        with acting_as(Act(f"{user} on the server", "admin", None, "", "command", f"scancell {command}")):
+            store.migrate()
+            yield store
     finally:
-        acting.reset(before)
         store.close()

@@ -1,5 +1,6 @@
 """When this computer did not let the workbench run: nobody looked, and what came meanwhile is stamped too late."""
 
+import math
 import threading
 from collections import deque
 
@@ -7,6 +8,8 @@ from server.sources.device import host_now_s
 
 HELD_UP_S = 0.35
 """A beat that comes later by more leaves open what was before it, as a gap between poses does (`Rules.gap_s`)."""
+_BEHIND_S = 1.0
+"""Exposures that arrived so long after the last that was looked at show what nobody saw."""
 _EVERY_S = 0.05
 _MOST_GAPS = 200
 
@@ -17,6 +20,7 @@ class Pulse:
     def __init__(self) -> None:
         self._gaps: deque[tuple[float, float]] = deque(maxlen=_MOST_GAPS)
         self._beat_s = host_now_s()
+        self.newest_s = -math.inf  # when the newest exposure arrived
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name="pulse", daemon=True)
@@ -39,6 +43,11 @@ class Pulse:
             ),
             default=0.0,
         )
+
+    def unwatched_s(self, since_s: float, until_s: float) -> float:
+        """Return for how long nobody looked at a stretch; 0 where somebody did."""
+        behind_s = min(self.newest_s, until_s) - since_s
+        return max(self.held_s(since_s, until_s), behind_s if behind_s > _BEHIND_S else 0.0)
 
     def _run(self) -> None:
         while not self._stopped.wait(_EVERY_S):

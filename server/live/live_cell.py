@@ -43,14 +43,12 @@ from server.live.shots import (
 )
 from server.live.standstill import Rest, Rules, is_new_place, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
-from server.store.audit import acting
+from server.store.audit import acting_as
 
 log = logging.getLogger("scancell")
 
 _SAMPLES, _EXPOSURES, _SEEN = 4000, 12, 1200
 _IDLE_S = 0.1
-_BEHIND_S = 1.0
-"""Exposures that arrived so long after the last that was looked at show what nobody saw."""
 
 
 class LiveCell:
@@ -90,8 +88,8 @@ class LiveCell:
         self._arrived = threading.Condition()
         self._stopped = False
         self._taken_at: tuple[Sample | None, float | None] | None = None
-        self._pulse, self._newest_s = Pulse(), -np.inf
-        self._agreement = Agreement(self.rules, self._unwatched_s)
+        self._pulse = Pulse()
+        self._agreement = Agreement(self.rules, self._pulse.unwatched_s)
         self._taken_here: tuple[str, float] | None = None  # the last capture, and since when the pose had stood
         self.last: Taken | None = None
         self.waits_for = ""
@@ -148,7 +146,7 @@ class LiveCell:
                 self.clock_watch.scanner.take(reading)
                 if recording is not None:
                     recording.expose(reading)
-                self._frame, self._newest_s = reading, reading.host_time_s
+                self._frame, self._pulse.newest_s = reading, reading.host_time_s
                 self._arrived.notify_all()
                 return
             link = self.links.get(name)
@@ -213,12 +211,9 @@ class LiveCell:
     def newest(self) -> tuple[Sample | None, float | None, Exposure | None]:
         """Return the newest sample of the robot, angle of the table, and exposure."""
         with self._arrived:
-            table = self._table[-1].table_deg if self._table else None
-            return (
-                self._robot[-1] if self._robot else None,
-                table,
-                self._exposures[-1] if self._exposures else None,
-            )
+            robot = self._robot[-1] if self._robot else None
+            table_deg = self._table[-1].table_deg if self._table else None
+            return robot, table_deg, self._exposures[-1] if self._exposures else None
 
     def clock_offset(self) -> tuple[ClockOffset, str]:
         """Return how much more the scanner's clock tells than the robot's, and which clocks these are.
@@ -273,7 +268,8 @@ class LiveCell:
                     break
                 frame, self._frame = self._frame, None
             try:
-                self._look(frame)
+                if frame is not None:
+                    self._look(frame)
             except CalibrationError as error:
                 self.waits_for = str(error)
             except Exception:  # one exposure's fault must not end the watching
@@ -282,9 +278,7 @@ class LiveCell:
             self._shots.expire()
         self._shots.end()
 
-    def _look(self, frame: Frame | None) -> None:
-        if frame is None:
-            return
+    def _look(self, frame: Frame) -> None:
         cell, taken, optics = self._load()
         exposure = exposure_of(frame, cell, optics)
         with self._arrived:
@@ -381,11 +375,6 @@ class LiveCell:
         self._leave_out(name, left_out(nobody_s))
         self.version += 1
 
-    def _unwatched_s(self, since_s: float, until_s: float) -> float:
-        """Return for how long nobody looked at a stretch; 0 where somebody did."""
-        behind_s = min(self._newest_s, until_s) - since_s
-        return max(self._pulse.held_s(since_s, until_s), behind_s if behind_s > _BEHIND_S else 0.0)
-
     @property
     def _is_on_table(self) -> bool:
         """Whether the sphere that is captured is on the table."""
@@ -401,11 +390,8 @@ class LiveCell:
         return told
 
     def _keep(self, capture: Capture, files: Mapping[str, bytes], shot: Shot | None) -> Taken:
-        before = acting.set(shot.act if shot else None)
-        try:
+        with acting_as(shot.act if shot else None):
             measured = self._take(capture, files)
-        finally:
-            acting.reset(before)
         text = " ".join(filter(None, (measured.reason, measured.to_do)))
         self.last = Taken(capture.id, measured.verdict, measured.zone, text)
         self.version += 1

@@ -1,6 +1,7 @@
 """The log of who did what: a row in the very transaction that does it, or for a request that was refused."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from itertools import islice
@@ -33,6 +34,16 @@ class Act:
 
 acting: ContextVar[Act | None] = ContextVar("acting", default=None)
 """What the present task or thread is doing for somebody; None for what the server does by itself."""
+
+
+@contextmanager
+def acting_as(act: Act | None) -> Generator[None]:
+    """Let what is done meanwhile be noted as this act."""
+    before = acting.set(act)
+    try:
+        yield
+    finally:
+        acting.reset(before)
 
 
 def note_acts(db: Transaction, acts: Iterable[Act | None]) -> None:

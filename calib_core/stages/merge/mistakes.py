@@ -1,6 +1,7 @@
 """Scans that do not fit together: which mistake makes pairs of surfaces appear when it is taken back."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
 
@@ -331,10 +332,8 @@ class Mistakes:
             if not len(points):
                 continue
             beyond = np.maximum(np.maximum(low - points, points - high), 0)
-            if (
-                impossible_of_scan(looked.outward, k) > _ASTRAY
-                or np.linalg.norm(np.median(beyond, axis=0)) > reach
-            ):
+            apart = float(np.linalg.norm(np.median(beyond, axis=0)))
+            if apart > reach or impossible_of_scan(looked.outward, k) > _ASTRAY:
                 found.append(looked.used[k])
         rest = [k for k, name in enumerate(looked.used) if name not in found]
         if not found or 2 * len(found) > len(looked.used) or impossible_among(looked.outward, rest) > _RUBBLE:
@@ -359,7 +358,8 @@ class Mistakes:
         small = [name for name in small if 0 < extents[name] <= max(_SMALLER * usual, _LEAST_MM)]
         if not small:
             return []
-        poses_too = all(self._pose_is_small(name) for name in small) and len(small) == len(names)
+        where = [float(np.linalg.norm(self._middle(name)[1].translation_mm)) for name in small]
+        poses_too = max(where) < 50 * _LEAST_MM and len(small) == len(names)
         if not self._pairs_in_metres(looked, small, size, poses_too):
             return []
         captures = self._captures(small)
@@ -374,9 +374,6 @@ class Mistakes:
         remedy = remedy_of("point-unit", Changes(cell=cell, captures=settings), ids)
         return [codes.SCANS_IN_METRES(ids, remedy=remedy, extent_mm=max(extents[name] for name in small))]
 
-    def _pose_is_small(self, name: str) -> bool:
-        return float(np.linalg.norm(self._middle(name)[1].translation_mm)) < 50 * _LEAST_MM
-
     def _pairs_in_metres(self, looked: Looked, small: Sequence[str], size: float, poses_too: bool) -> bool:
         """Return whether these scans pair with others once their points are a thousand times larger."""
         anew: list[tuple[str, SeenBy]] = []
@@ -387,13 +384,10 @@ class Mistakes:
             ways = scan.turntable_from_laser.copy()
             if poses_too and self._placement.base_from_turntable is None:
                 ways[:, :3, 3] *= 1000
-            try:
-                larger = replace(
-                    scan, points_in_laser_mm=1000 * scan.points_in_laser_mm, turntable_from_laser=ways
-                )
+            with suppress(CalibrationError):
+                points = 1000 * scan.points_in_laser_mm
+                larger = replace(scan, points_in_laser_mm=points, turntable_from_laser=ways)
                 anew.append((name, seen_by(clean_scan(larger), size)))
-            except CalibrationError:
-                continue
         if not anew:
             return False
         if len(small) == len(self._numbers):

@@ -16,9 +16,9 @@ from calib_core.findings import Finding, reasons_of
 from calib_core.findings.codes.verify import PLATE_NOT_TURNED, POINTS_BESIDE_PLATE
 from calib_core.frames import FloatArray, stack_matrices
 from calib_core.messages import message
-from calib_core.records import Capture, ReadFile, Session
-from calib_core.stages.verify.decision import Estimate, jackknifed, range_and_band
-from calib_core.stages.verify.record import VerifyResidual
+from calib_core.records import Capture, ReadFile, Session, Verification
+from calib_core.stages.verify.decision import Estimate, checked, jackknifed, range_and_band
+from calib_core.stages.verify.record import VerifyCheck, VerifyResidual
 
 LEAST_CAPTURES = 4
 _MOST_POINTS = 100_000  # of one capture: a denser one is thinned evenly
@@ -52,6 +52,15 @@ class Plate:
     why_not: str = ""
     left_out: int = 0
     turned_deg: float = 0.0
+
+    def checks(self, limits: Verification) -> list[VerifyCheck]:
+        """Return the figures beside their limits, where the captures tell them."""
+        if self.form is None or self.form_95 is None:
+            return []
+        return [
+            checked("flatness", self.form, limits.flatness_mm),
+            checked("flatness_95", self.form_95, limits.flatness_95_mm),
+        ]
 
     @property
     def findings(self) -> list[Finding]:

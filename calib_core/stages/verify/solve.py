@@ -102,7 +102,7 @@ def solve(given: StageInput) -> VerifyResult:
         )
     flat = _plate(given, tool, axes)
     late = limit_findings(limits)
-    checks = _flatness(limits, flat)
+    checks = flat.checks(limits) if flat else []
     left_out = [one for one in observed.unused if one.code == SCANNER_NOT_PLACED.name]
     findings, found, doubtful, moved = [*left_out, *same], None, list[Finding](), list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
@@ -245,8 +245,7 @@ def _by_plate_alone(
     """Return what a flat plate says of the tool, where no sphere was captured."""
     limits = given.session.cell.verification
     flat = _plate(given, tool, axes)
-    checks = _flatness(limits, flat)
-    if flat is None or not checks:
+    if flat is None or not (checks := flat.checks(limits)):
         to_do = "" if flat is None else flat.why_not
         raise MotionError("captures of a plate that tell its flatness", "too few of use", to_do, "captures")
     late, unchecked = limit_findings(limits), unchecked_limits(limits, checks, flat)
@@ -302,16 +301,6 @@ def _checks(
             checked("size", figures["size"], limits.size_mm, count),
         ]
     return checks
-
-
-def _flatness(limits: Verification, flat: Plate | None) -> list[VerifyCheck]:
-    """Return the flat plate's figures, where it was captured well enough."""
-    if flat is None or flat.form is None or flat.form_95 is None:
-        return []
-    return [
-        checked("flatness", flat.form, limits.flatness_mm),
-        checked("flatness_95", flat.form_95, limits.flatness_95_mm),
-    ]
 
 
 def unchecked_limits(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate | None) -> list[Finding]:
