@@ -145,6 +145,8 @@ def visit(
             if how == "frames":
                 page.evaluate(_CLOUD_IS_THERE)
             settled = visited.at_rest()
+            while not any(map(_points_in, visited.messages)):  # a busy machine rests before the cloud comes, too
+                settled = visited.at_rest()
             looks, messages = list(visited.looks), list(visited.messages)
             live = manager.live("s1")
             assert live is not None
