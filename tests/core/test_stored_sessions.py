@@ -109,8 +109,8 @@ def test_frames_of_before_replay_to_the_same_numbers(tmp_path: Path) -> None:
     replayed = {stage.stage: stage for stage in replay(archive).stages}
     assert set(replayed) == {"camera", "laser-plane", "tcp"}
     # Since revision 5 of the camera light that falls off to the border draws no corner any more, and since its
-    # revision 10 a slight bend is allowed for.  Lines count otherwise since revisions 3, 11 and 12 of the plane: it
-    # moved by more than a sigma, from 2.7 to 1.6 sigmas off the truth.
+    # revision 10 a slight bend is allowed for.  Lines count otherwise since revisions 3, 11 and 12 of the plane:
+    # it moved by more than a sigma, from 2.7 to 1.6 sigmas off the truth.
     with zipfile.ZipFile(archive) as stored:
         stored.extractall(tmp_path)
     folder = tmp_path / "frames" / "data"
