@@ -174,7 +174,7 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
         low, high = height_range_mm(merged)
         parts.append(_bar(VIRIDIS))
         top = message("{high_mm:.1f} mm in {frame}", high_mm=high, frame=frame)
-        parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{top}</span></div>')
+        parts.append(f'<div class="ticks"><span>z {number_text(low, 1)} mm</span><span>{top}</span></div>')
     else:
         parts += [
             _key(SCANS[number % len(SCANS)], "●", name) for number, name in enumerate(merged.names[: len(SCANS)])
