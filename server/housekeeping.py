@@ -9,6 +9,7 @@ from typing import Final
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session as Transaction
 
+from server.background import BackgroundThread
 from server.store.answers import forget_old_answers
 from server.store.database import Store
 from server.store.models import Data, EventRow, FileRow, OutputRow, SessionRow
@@ -25,24 +26,13 @@ _LEAST_FREE_BYTES: Final = 500_000_000
 _EVENTS_KEPT: Final = 1000  # of a session; a page that was away for longer reads everything anew
 
 
-class Housekeeping:
+class Housekeeping(BackgroundThread):
     """A thread that tidies up at the start and then every hour."""
 
     def __init__(self, store: Store, data: Path) -> None:
+        super().__init__("housekeeping")
         self._store = store
         self._alarms = Alarms(store, data)
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="housekeeping", daemon=True)
-
-    def start(self) -> None:
-        """Begin."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End after what is under way."""
-        self._stopping.set()
-        if self._thread.is_alive():
-            self._thread.join()
 
     def _work(self) -> None:
         while True:

@@ -13,6 +13,7 @@ from calib_core.captures.measured import measured_of, not_seen
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.findings.codes.quality import WAITS_FOR_MEASURING
 from calib_core.records import Capture, Measured, Session, parse_capture
+from server.background import BackgroundThread
 from server.captures.cluster_measuring import FAR_AT_ONCE, ClusterMeasuring, StoredFiles
 from server.captures.measurer import Measurer
 from server.jobs.measuring_processes import Measuring
@@ -27,18 +28,16 @@ _PAUSE_S = 5.0
 _LOOK_S = 60.0  # a capture may begin to wait in the moment in which the plane of light is solved
 
 
-class MeasuringQueue:
+class MeasuringQueue(BackgroundThread):
     """A thread that measures what waits; a restarted server goes on with it."""
 
     def __init__(self, store: Store, measuring: Measuring) -> None:
+        super().__init__("measuring queue")
         self._store = store
         self._measure = measuring.measure
         self._at_once, self._threads = _AT_ONCE, ThreadPoolExecutor(1, "measuring queue")
         self._lock = threading.Lock()
         self._batches = 0
-        self._woken = threading.Event()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="measuring queue", daemon=True)
 
     def measure_far(self, cluster: ClusterMeasuring) -> None:
         """Measure many captures at once, on a cluster."""
@@ -48,7 +47,7 @@ class MeasuringQueue:
     def start(self) -> None:
         """Begin with what an earlier server left."""
         self._woken.set()
-        self._thread.start()
+        super().start()
 
     @contextmanager
     def arriving(self) -> Generator[None]:
@@ -62,16 +61,9 @@ class MeasuringQueue:
                 self._batches -= 1
             self._woken.set()
 
-    def wake(self) -> None:
-        """Look at once for captures that wait."""
-        self._woken.set()
-
     def stop(self) -> None:
         """End after the capture that is being measured."""
-        self._stopping.set()
-        self._woken.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        super().stop()
         self._threads.shutdown()
 
     def _work(self) -> None:

@@ -4,6 +4,7 @@ import math
 import threading
 from collections import deque
 
+from server.background import BackgroundThread
 from server.sources.device import host_now_s
 
 HELD_UP_S = 0.35
@@ -14,22 +15,16 @@ _EVERY_S = 0.05
 _MOST_GAPS = 200
 
 
-class Pulse:
+class Pulse(BackgroundThread):
     """Beats by a thread of its own, as all threads of a process wait for one interpreter, and keeps its gaps."""
 
     def __init__(self) -> None:
+        super().__init__("pulse")
         self._gaps: deque[tuple[float, float]] = deque(maxlen=_MOST_GAPS)
         self._beat_s = host_now_s()
         self.newest_s = -math.inf  # when the newest exposure arrived
         self._lock = threading.Lock()
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="pulse", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Beat no longer."""
-        self._stopped.set()
-        self._thread.join()
+        self.start()
 
     def held_s(self, since_s: float, until_s: float) -> float:
         """Return the longest gap that reaches into an interval, one that lasts included; 0 where there is none."""
@@ -49,8 +44,8 @@ class Pulse:
         behind_s = min(self.newest_s, until_s) - since_s
         return max(self.held_s(since_s, until_s), behind_s if behind_s > _BEHIND_S else 0.0)
 
-    def _run(self) -> None:
-        while not self._stopped.wait(_EVERY_S):
+    def _work(self) -> None:
+        while not self._stopping.wait(_EVERY_S):
             now_s = host_now_s()
             with self._lock:
                 if now_s - self._beat_s > HELD_UP_S:

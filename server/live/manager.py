@@ -17,6 +17,7 @@ from calib_core.disk import replace_file, temporary_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured
 from calib_core.review.answer import cell_id
+from server.background import BackgroundThread
 from server.captures.intake import Intake
 from server.live.clock_watch import MeasuredClocks
 from server.live.link import Link, LinkState
@@ -61,7 +62,7 @@ class KeptBySession:
         return json.loads(self._path.read_text(encoding="utf-8")) if self._path.exists() else {}
 
 
-class LiveCells:
+class LiveCells(BackgroundThread):
     """Connects devices for sessions.
 
     Parameters
@@ -81,6 +82,7 @@ class LiveCells:
         intake: Intake,
         follow: Callable[[str, LiveCell | None], object] | None = None,
     ) -> None:
+        super().__init__("live cells", longest_s=10.0)
         self._store, self._intake, self._follow = store, intake, follow
         self._secrets = DeviceSecrets(data)
         self._data = data
@@ -89,8 +91,6 @@ class LiveCells:
         self._cells: dict[str, LiveCell] = {}
         self._told: dict[tuple[str, str], str] = {}
         self._lock = threading.RLock()
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name="live cells", daemon=True)
 
     def start(self) -> None:
         """Connect what was connected when the server stopped."""
@@ -101,13 +101,11 @@ class LiveCells:
                 self._connect(row)
             except CalibrationError as error:  # an extra was removed, say
                 log.warning("device %s of cell %s: %s", row.name, row.cell, error)
-        self._thread.start()
+        super().start()
 
     def stop(self) -> None:
         """End all links."""
-        self._stopped.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=10)
+        super().stop()
         with self._lock:
             cells, self._cells = self._cells, {}
         for cell in cells.values():
@@ -237,9 +235,9 @@ class LiveCells:
     def _cell(self, db: Any, session_id: str) -> str:
         return cell_id(empty_session(session_row(db, session_id).record, session_id))
 
-    def _watch(self) -> None:
+    def _work(self) -> None:
         """Tell a session of each device that was lost or is back."""
-        while not self._stopped.wait(_LOOK_EVERY_S):
+        while not self._stopping.wait(_LOOK_EVERY_S):
             for session_id, live in list(self._cells.items()):
                 self._show(session_id, live)
                 for name, link in list(live.links.items()):

@@ -19,6 +19,7 @@ from calib_core.disk import LONGEST_PLAIN, extended, is_held, replace_file
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError, TooLargeError
 from calib_core.messages import message
 from calib_core.records import Capture, Session, StepName
+from server.background import BackgroundThread
 from server.sources.folder import Resting, Signature, capture_of, files_in, measurements, notes_of
 
 log = logging.getLogger("scancell")
@@ -59,7 +60,7 @@ class WatchedFolder:
         }
 
 
-class Watcher:
+class Watcher(BackgroundThread):
     """Takes captures out of folders.
 
     Parameters
@@ -78,14 +79,13 @@ class Watcher:
     def __init__(
         self, root: Path | None, memory: Path, load: Load, take: Take, max_bytes: int, rest_s: float = 1.0
     ) -> None:
+        super().__init__("watched folders", longest_s=30.0)
         self._root = extended(root.resolve(), LONGEST_PLAIN) if root is not None else None
         self._memory = memory
         self._load, self._take_in, self._max_bytes = load, take, max_bytes
         self._rest_s = rest_s
         self._watches: dict[str, WatchedFolder] = {}
         self._lock = threading.Lock()
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="watched folders", daemon=True)
 
     def start(self) -> None:
         """Remember what was watched, and watch on; without a root nothing happens."""
@@ -95,13 +95,7 @@ class Watcher:
             for session_id, kept in json.loads(self._memory.read_text(encoding="utf-8")).items():
                 taken = {name: (size, time_ns) for name, (size, time_ns) in kept["taken"].items()}
                 self._watches[session_id] = self._watched(kept["folder"], kept["step"], taken)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread after the capture that it is at."""
-        self._stopped.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout=30)
+        super().start()
 
     def state(self, session_id: str) -> dict[str, Any]:
         """Return what is watched for a session, and the folders that may be."""
@@ -146,8 +140,8 @@ class Watcher:
     def _watched(self, folder: str, step: StepName, taken: dict[str, Signature]) -> WatchedFolder:
         return WatchedFolder(folder, step, taken, resting=Resting(self._rest_s))
 
-    def _run(self) -> None:
-        while not self._stopped.wait(self._rest_s / 2):
+    def _work(self) -> None:
+        while not self._stopping.wait(self._rest_s / 2):
             self.look(time.monotonic())
 
     def _look_at(self, session_id: str, watch: WatchedFolder, now_s: float) -> None:

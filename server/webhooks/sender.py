@@ -5,7 +5,6 @@ When a failed one is tried again, `server/store/webhooks.py` decides.
 
 import json
 import logging
-import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +14,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 from calib_core import __version__
+from server.background import BackgroundThread
 from server.settings import Settings
 from server.store.database import Store
 from server.store.secrets import load_key
@@ -34,28 +34,12 @@ _AT_ONCE: Final = 8  # webhooks whose receivers are spoken to at the same time
 _HEADERS: Final = {"Content-Type": "application/json", "User-Agent": f"scancell/{__version__}"}
 
 
-class WebhookSender:
+class WebhookSender(BackgroundThread):
     """Sends what a transaction left to be delivered; what a killed server left, the next one sends."""
 
     def __init__(self, settings: Settings, store: Store) -> None:
+        super().__init__("webhooks")
         self._settings, self._store = settings, store
-        self._woken, self._stopping = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._work, name="webhooks", daemon=True)
-
-    def start(self) -> None:
-        """Begin with what is due."""
-        self._thread.start()
-
-    def wake(self) -> None:
-        """Look at once."""
-        self._woken.set()
-
-    def stop(self) -> None:
-        """End after the requests that are under way; the rest waits for the next start."""
-        self._stopping.set()
-        self._woken.set()
-        if self._thread.is_alive():
-            self._thread.join()
 
     def _work(self) -> None:
         with ExitStack() as opened, ThreadPoolExecutor(_AT_ONCE, "webhook") as threads:

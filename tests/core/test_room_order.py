@@ -21,7 +21,7 @@ CORE = (
 """From the ground up; `docs/architecture.md` says what each is for."""
 
 SERVER = (
-    "heap", "hosts", "windows_service", "measuring", "simulated_cell", "settings",
+    "heap", "hosts", "background", "windows_service", "measuring", "simulated_cell", "settings",
     "store", "metrics", "health", "webhooks", "page_questions", "console", "housekeeping", "render",
     "http", "auth", "logs", "jobs", "scenes", "guides", "captures", "sources", "movers", "live",
     "routes", "app", "serve", "commands", "cli",
