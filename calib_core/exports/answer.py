@@ -110,10 +110,14 @@ class Answer:
         return tuple(found.values())
 
     def scanners(self) -> dict[str, tuple[RigidTransform, FloatArray]]:
-        """Return by name where each scanner of a cell that names them is, with its covariance (6, 6)."""
+        """Return by name where each scanner of a cell that names them is, with its covariance (6, 6).
+
+        Not those whose place the captures leave open.
+        """
         found: dict[str, tuple[RigidTransform, FloatArray]] = {}
         for frame in self.frames:
-            if frame.outof == "laser" and frame.scanner is not None:
+            placed = np.isfinite(np.array(frame.matrix, dtype=float)).all()
+            if frame.outof == "laser" and frame.scanner is not None and placed:
                 on: Literal["tool0", "base"] = "tool0" if frame.into == "tool0" else "base"
                 covariance = np.array(frame.covariance or np.full((6, 6), np.nan), dtype=float)
                 found.setdefault(

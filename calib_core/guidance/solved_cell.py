@@ -236,7 +236,7 @@ def _axes(edges: Sequence[MovedAxis], result: Mapping[str, Any]) -> list[AxisSta
 
 
 def _mounts(cell: Cell, result: Mapping[str, Any], names: Sequence[str]) -> dict[str, RigidTransform] | None:
-    several = mounts_of([FoundFrame.model_validate(one) for one in result.get("frames") or ()])
+    several = mounts_of([FoundFrame.model_validate(one) for one in as_used(result).get("frames") or ()])
     found = {name: frame for name, (frame, _) in several.items()}
     first = placed_scanner(result)
     if len(names) < 2 and first is not None:

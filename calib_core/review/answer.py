@@ -8,6 +8,7 @@ from typing import Any, Final
 from pydantic import Field
 
 from calib_core.cell.axes import names_axes
+from calib_core.cell.carriers import scanner_names
 from calib_core.cell.layout import Carrier
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
@@ -139,7 +140,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         equipment=session.cell.equipment or [],
         decided_before=list(answer.decided_before),
     )
-    several = len(answer.scanners()) > 1 or names_axes(session.cell)
+    several = len(scanner_names(session.cell)) > 1 or names_axes(session.cell)
     return record.model_copy(update={"frames": list(answer.frames)}) if several else record
 
 

@@ -154,7 +154,7 @@ class _Solved:
     def of_scanner(self, scanner: str | None) -> FrameEdge | None:
         """Return where one of several scanners was found to be on what carries it."""
         stage = self.first(tool_stages())
-        for frame in [] if stage is None or scanner is None else self.results[stage].get("frames") or []:
+        for frame in [] if stage is None or scanner is None else as_used(self.results[stage]).get("frames") or []:
             if (frame["outof"], frame.get("scanner")) == ("laser", scanner):
                 frames = (cast(Frame, frame["into"]), cast(Frame, "laser"))
                 transform = RigidTransform.from_rounded(frame["matrix"], *frames)

@@ -4,6 +4,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from calib_core.cell.carriers import rides_on_axis
 from calib_core.cell.found import UpToShift
 from calib_core.chain.without_turns import OpenShifts
 from calib_core.frames import RigidTransform
@@ -13,6 +14,7 @@ from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
 from calib_core.stages.turntable.result import seen_from
 
+_FAR_MM2 = 1000.0**2
 _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
 
 
@@ -44,13 +46,14 @@ def without_open_places(result: _R, shifts: OpenShifts, *, own_base: bool = Fals
     told["spheres"] = [
         ball.model_copy(
             update={
-                "center_mm": _vector(ball.center_mm, in_base[3:]),
-                "covariance": _rows(ball.covariance, in_base[3:], in_base[3:]),
+                "center_mm": _vector(ball.center_mm, is_open[3:]),
+                "covariance": _rows(ball.covariance, is_open[3:], is_open[3:]),
             }
         )
-        if ball.carrier == result.spheres[0].carrier and not isinstance(result, TurntableResult)
+        if not rides_on_axis(ball.carrier) and not isinstance(result, TurntableResult)
         else ball
         for ball in result.spheres
+        for is_open in [(on_mount if ball.carrier == mount.into else in_base) | _far_off(ball.covariance)]
     ]
     told["axes"] = [
         axis.model_copy(
@@ -70,7 +73,7 @@ def without_open_places(result: _R, shifts: OpenShifts, *, own_base: bool = Fals
             }
         )
         for frame in result.frames
-        for is_open in [_open_of(frame, mount, on_mount, in_base)]
+        for is_open in [_open_of(frame, mount, on_mount, in_base) | _far_off(frame.covariance)]
     ]
     own = result.model_dump(by_alias=True, include=set(UpToShift.model_fields) - {"directions", "travel"})
     travel = None if shifts.travel is None or own_base else shifts.travel.tolist()
@@ -101,10 +104,16 @@ def without_base(result: TurntableResult, scanner: str) -> TurntableResult:
 
 
 def _open_of(frame: FoundFrame, mount: RigidTransform, on_mount: np.ndarray, in_base: np.ndarray) -> np.ndarray:
-    if (frame.into, frame.outof) == (mount.into, "laser"):
+    """Return what of a frame is open, (6,): of the other end's scanners as of what stands there."""
+    if frame.into == mount.into and frame.outof == "laser":
         return on_mount
-    of_scanner = frame.outof.startswith("laser") or frame.into.startswith("laser")
-    return np.zeros(6, dtype=bool) if of_scanner else in_base
+    return np.zeros(6, dtype=bool) if frame.into.startswith("laser") else in_base
+
+
+def _far_off(covariance: Any) -> np.ndarray:
+    """Return which places of a pose (6,) are known to metres alone: its own captures did not turn for them."""
+    variances = np.zeros(6) if covariance is None else np.diag(np.array(covariance, dtype=float))
+    return np.concatenate([np.zeros(3, dtype=bool), variances[-3:] > _FAR_MM2])
 
 
 def _open_table(result: TurntableResult | ChainResult, in_base: np.ndarray) -> dict[str, Any]:

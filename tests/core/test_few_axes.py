@@ -12,9 +12,10 @@ import calib_core as cc
 from calib_core.archive.folder import result_data
 from calib_core.cell.found import placed_scanner, placed_table
 from calib_core.errors import ConflictError
+from calib_core.library.opened import in_memory
 from calib_core.review.answer import answer_of_folder
 from calib_core.simulation import TOPOLOGY_SCENARIOS
-from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.simulation.topology_cell import simulate_topology, simulate_with_scans
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
 from server.cli import main
@@ -176,3 +177,22 @@ def test_a_gantry_whose_lever_is_not_told_counts_with_the_flanges_small_turns(ca
         off = turned_apart(truth["frames"][0]["matrix"], found)
         squared.append(float(off @ np.linalg.solve(np.array(result.covariance, dtype=float)[:3, :3], off)))
     assert 1.5 < np.mean(squared) < 3 + 3 * np.sqrt(6 / len(squared))
+
+
+def test_a_gantry_has_no_number_for_either_of_two_scanners_and_both_are_shown_and_merged() -> None:
+    scenario = replace(TOPOLOGY_SCENARIOS["scanners-on-flange-and-base"], machine="gantry")
+    scenario = replace(scenario, cell=TOPOLOGY_SCENARIOS["gantry"].cell, scans=3)
+    session, files, _ = simulate_with_scans(scenario, "gantry", 1)
+    opened = in_memory(session, files)
+    results = opened.run()
+    data = result_data(results["tcp"])
+    for frame in data["frames"]:
+        assert [row[3] for row in frame["matrix"]] == [None, None, None, 1.0], frame["scanner"]
+    assert [ball["center_mm"] for ball in data["spheres"]] == [[None] * 3] * 2
+    told = {stage: result_data(result) for stage, result in results.items()}
+    answer = answer_of_folder(opened.record, told, opened.read)
+    assert answer is not None
+    assert {frame.scanner for frame in answer.frames if frame.outof == "laser"} == {"arm", "gate"}
+    merged = results["merge"]
+    assert "merge-place-open" in {one.code for one in merged.findings}
+    assert merged.overlap_rms_mm < 0.3

@@ -20,6 +20,7 @@ from calib_core.stages.merge.calibration import calibration_of
 from calib_core.stages.merge.doubts import merge_doubts
 from calib_core.stages.merge.nominal import nominal_findings
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
 from tests.core.test_merge_mistakes import (
     Mistake,
     elsewhere,
@@ -31,7 +32,7 @@ from tests.core.test_merge_mistakes import (
     rubble,
     swap,
 )
-from tests.every_code.made import CELL, Case, solved
+from tests.every_code.made import CELL, Case, made, solved
 from tests.shapes import bracket
 
 OUTWARD = Outward(1, "visibility", True, 0.0, 9.0, 1.0, 0.0)
@@ -142,10 +143,23 @@ def placed_by(verdict: str) -> Case:
     return lambda: calibration_of(CELL.session.cell, [], tool).findings
 
 
+def placed_of(scenario: str) -> Case:
+    """Return what is said of scans that the tool of a simulated cell places."""
+
+    def case() -> Iterable[Finding]:
+        cell = made(scenario, 1)
+        tool = solve_stage(cell.session, "tcp", cell.files.__getitem__)
+        assert isinstance(tool, TcpResult)
+        return calibration_of(cell.session.cell, [], tool).findings
+
+    return case
+
+
 NOMINAL = nominal()
 CASES: dict[str, tuple[Case, Case]] = {
     "scan-of-no-use": (failed("c"), failed()),
     "merge-calibration-failed": (lambda: placed_by("fail")(), lambda: placed_by("warn")()),
+    "merge-place-open": (placed_of("scara"), placed_of("tcp")),
     "merge-table-direction": beside(reverse, table=True),
     "merge-table-steps": beside(longer_steps, table=True),
     "merge-one-table-angle": beside(one_angle, table=True),

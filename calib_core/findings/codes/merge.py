@@ -124,6 +124,15 @@ SCANS_DO_NOT_FIT = Code(
     fixed=True,
 )  # fmt: skip
 
+PLACE_OPEN = Code(
+    "merge-place-open", "warning",
+    text="Where the merged object lies in base is not determined: the captures leave a shift of all scans open.",
+    to_do="Sizes and shapes hold. Where its place matters, tilt the flange while calibrating, or measure a point of it.",
+    meaning="All scans are placed alike but for one shift, in which the merged cloud's coordinates are arbitrary.",
+    decided="The calibration leaves the scanner's place open, and no table ties the scans to it.",
+    usual_causes="A machine that does not turn its flange: a gantry, a SCARA, one linear axis.",
+)  # fmt: skip
+
 NO_OVERLAP = Code(
     "merge-no-overlap", "warning",
     text="No two scans overlap, so nothing says how well they fit together.",

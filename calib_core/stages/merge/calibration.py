@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from calib_core.captures.arm_joints import applied_moves
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, poses_of
-from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, own_base
+from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, own_base, turns_little
 from calib_core.errors import InputError
 from calib_core.findings.codes import merge as codes
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
@@ -105,8 +105,9 @@ def calibration_of(
         covariance[6:, :6] = np.transpose(used["cross_covariance"])
     placement = placement_of(cell, captures, [] if result is None else [result.model_dump(by_alias=True)])
     assert placement is not None  # the caller has seen to it
-    told = [] if result is None else result.frames
-    frames = {one.scanner: one.covariance for one in told if one.outof == "laser"}
+    if turns_little(used) and placement.base_from_turntable is None and not placement.held:
+        findings.append(codes.PLACE_OPEN())
+    frames = {one["scanner"]: one["covariance"] for one in used.get("frames", []) if one["outof"] == "laser"}
     others = tuple(name for name in placement.mounts if placement.mounts[name] is not placement.first)
     blocks = [frames.get(name) for name in others] + [axis.covariance for axis in placement.axes]
     if placement.axes:  # each counts by itself

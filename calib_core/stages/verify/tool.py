@@ -10,6 +10,7 @@ from calib_core.cell.found import as_used, mounts_of
 from calib_core.chain.bend import in_one_plane
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records.results import FoundFrame
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.verify.arm_scatter import ArmScatter
 from calib_core.stages.verify.scanner_scatter import ScannerScatter
@@ -72,7 +73,7 @@ class Tool:
             np.array(used["covariance"], dtype=float),
             parts.position_sigma_mm,
             parts.orientation_sigma_rad,
-            others=mounts_of(answer.frames),
+            others=mounts_of(map(FoundFrame.model_validate, used["frames"])),
             sheet_per_mm=sheet_per_mm_of(used),
             sheets_per_mm=sheets_per_mm_of(used),
             arm=ArmScatter.of(answer),
