@@ -114,6 +114,9 @@ def planned_with_covariance(
     chosen, shots, now = list[int](), list[Shot](), covariance([])
     far = _far(known, thought, count) if verifying else np.ones(len(thought.observations), dtype=bool)
     pairs = [known.pair_of(one) for one in thought.observations]
+    if verifying:  # one capture alone of a ball by a scanner says nothing
+        some = known.pairs[: max(count // 2, 1)]
+        far &= np.array([pair in some for pair in pairs])
     for _ in range(min(count, int(far.sum()))):
         left = far & ~np.isin(np.arange(len(far)), chosen)
         often = Counter(pairs[k] for k in chosen)

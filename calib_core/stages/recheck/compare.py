@@ -99,6 +99,7 @@ def compared(
     tool: Tool,
     alike: Alike | None = None,
     zeros: Mapping[int, int] | None = None,
+    scanners: int = 1,
 ) -> Change:
     """Return what changed between captures of the same poses.
 
@@ -113,6 +114,8 @@ def compared(
     alike : Alike, optional
     zeros : mapping, optional
         By joints, counted from 1, which of the arm's terms is its zero.
+    scanners : int
+        So many are compared, each by itself: together they raise no more false alarms than one.
 
     Notes
     -----
@@ -135,7 +138,7 @@ def compared(
     chances = [chance_of(whole - left_of_tool, 3), chance_of(whole - left_of_sphere, 3), chance_of(whole, freedom)]
     changed: Changed = "nothing"
     bump: Bump | None = None
-    if min(chances) < _FALSE_ALARM:
+    if min(chances) < _FALSE_ALARM / scanners:
         by_turn = chance_of(left_of_turn, max(freedom - 6, 1))
         by_shift = chance_of(left_of_sphere, max(freedom - 3, 1))
         changed = _what(by_turn > _EXPLAINED, by_shift > _EXPLAINED)

@@ -94,12 +94,13 @@ def solve(given: StageInput) -> RecheckResult:
     rows: list[RecheckResidual] = []
     for number in rounds:
         changes: list[tuple[list[_Pair], Change]] = []
-        for scanner in dict.fromkeys(pair.now.scanner for pair in pairs if pair.round == number):
+        scanners = list(dict.fromkeys(pair.now.scanner for pair in pairs if pair.round == number))
+        for scanner in scanners:
             own = [pair for pair in pairs if (pair.round, pair.now.scanner) == (number, scanner)]
             then, now = [pair.then for pair in own], [pair.now for pair in own]
             center = np.array([pair.center_mm for pair in own])
-            mount = tool.of_scanner(scanner)
-            changes.append((own, compared(then, now, sphere.radius_mm, center, mount, alike, zeros)))
+            mount, many = tool.of_scanner(scanner), len(scanners)
+            changes.append((own, compared(then, now, sphere.radius_mm, center, mount, alike, zeros, many)))
             rows += _rows(*changes[-1])
         told.append(_told(changes))
     out = {capture.id: str(EXCLUDED) for capture in given.captures if capture.excluded}
@@ -110,8 +111,8 @@ def solve(given: StageInput) -> RecheckResult:
     order = [capture.id for capture in given.captures if capture.step == "recheck"]
     last = told[-1]
     again = {(pair.now.scanner, pair.now.capture) for pair in pairs if pair.round == rounds[-1]}
-    scanners = {stop.seen.scanner for stop in before}
-    found = _noticed(last, {name: sum(name == by for by, _ in again) for name in scanners})
+    used_by = {stop.seen.scanner for stop in before}
+    found = _noticed(last, {name: sum(name == by for by, _ in again) for name in used_by})
     return RecheckResult(
         method="figures of repeated captures, now minus then, by their noise and the robot's repeatability",
         software=SOFTWARE,
