@@ -15,7 +15,8 @@ from calib_core.errors import ConflictError
 from calib_core.library.opened import in_memory
 from calib_core.review.answer import answer_of_folder
 from calib_core.simulation import TOPOLOGY_SCENARIOS
-from calib_core.simulation.topology_cell import simulate_topology, simulate_with_scans
+from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.simulation.topology_more import simulate_with_scans
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
 from server.cli import main
