@@ -10,10 +10,11 @@ from calib_core.errors import ConflictError
 from calib_core.graph.keys import Graph, stage_captures
 from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Guide, Measured, Session
+from calib_core.records.guidance import Meter
 from calib_core.simulation import TOPOLOGY_SCENARIOS, simulate
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.guide import guide
-from calib_core.stages.turntable.guide import _has_tcp, _suggested_deg
+from calib_core.stages.turntable.guide import _has_tcp, _suggested_deg, _words
 
 
 @pytest.fixture(scope="module")
@@ -265,3 +266,10 @@ def test_a_chain_is_solved_with_the_table_where_captures_of_the_tool_are_there(s
 def test_a_rail_under_the_robot_asks_for_no_table() -> None:
     session = simulate_topology(TOPOLOGY_SCENARIOS["rail"], "rail", 3)[0]
     assert next(one for one in guide(session, [], {}).steps if one.step == "turntable").status == "not-needed"
+
+
+def test_the_meter_says_how_well_it_is_known_and_what_is_wanted_where_that_is_told() -> None:
+    alone, wanted = _words(Meter(uncertainty_mm=0.31)), _words(Meter(uncertainty_mm=0.31, wanted_mm=0.2))
+    assert "0.31" in alone
+    assert wanted.startswith(f"{alone}, wanted")
+    assert "0.2" in wanted.removeprefix(alone)
