@@ -79,7 +79,7 @@ def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
     """
     data, state = judged.data, judged.fit.state
     walk = data.walk
-    if walk.layout.axes or not np.all(walk.over_robot == 1):
+    if walk.layout.axes or not walk.over_robot.all():
         return
     centers = judged.fit.minimum.at.centers_in_laser
     middle = walk.translations.mean(axis=0)

@@ -76,6 +76,14 @@ def test_no_pass_is_far_off_with_a_scanner_that_stands_still_or_with_two(name: s
         assert found.worst < 2
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("scanners", ["fixed", "both"])
+def test_a_lag_along_the_path_is_found_where_a_scanner_stands_still(scanners: Scanners) -> None:
+    found = outcome(TROUBLES["arms: lags by 0.3 mm along its path"], 0, scanners=scanners)
+    assert any("behind its reported poses" in warning for warning in found.warnings)
+    assert found.worst < 1  # 1.2 and 1.9 under `pass`
+
+
 def test_a_tool_of_points_corrected_for_the_arms_lengths_is_as_unsure_as_they_are() -> None:
     cell = troubled(TROUBLES["arms: poses 0.5 % too long"], 60)
     scanner = cell.session.cell.scanner.model_copy(update={"errors": "apply"})
