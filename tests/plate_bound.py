@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.frames import FloatArray, skew
 from calib_core.simulation import TcpScenario
+from calib_core.simulation.motion import FloatArray
 from calib_core.simulation.sensor import arc_points
 
 
@@ -41,5 +41,6 @@ def plate_bound(truth: Mapping[str, Any], options: TcpScenario) -> tuple[float, 
         shared = errors.T @ jacobian
         information += (jacobian.T @ jacobian - shared.T @ inner @ shared) / options.point_sigma_mm**2
     tool = np.linalg.inv(information)[:6, :6]
-    by_tool = np.hstack([-mount[:3, :3] @ skew(np.mean(seen, axis=0) * [1.0, 0.0, 1.0]), np.eye(3)])
+    by_turn = -np.cross(np.mean(seen, axis=0) * [1.0, 0.0, 1.0], np.eye(3), axisb=0, axisc=0)
+    by_tool = np.hstack([mount[:3, :3] @ by_turn, np.eye(3)])
     return float(np.sqrt(np.trace(tool[3:, 3:]))), float(np.sqrt(np.trace(by_tool @ tool @ by_tool.T)))

@@ -128,8 +128,8 @@ def test_the_command_prints_captures_and_edges(tmp_path: Path, capsys: pytest.Ca
     file.write_text(json.dumps({**PLAIN, **CELLS["both"], "scans": 1}))
     assert main(["plan", str(file)]) == 0
     told = capsys.readouterr().out
-    assert "tool0_from_laser:arm: ± " in told
-    assert "base_from_laser:gate: ± " in told
+    assert "Scanner arm on the flange: ± " in told
+    assert "Scanner gate in base: ± " in told
     assert "gate  sphere-on-flange  flange at " in told
     assert main(["simulate", str(file), "--seed", "1", "--out", str(tmp_path / "out")]) == 0
     record = json.loads((tmp_path / "out" / "session.json").read_text())
