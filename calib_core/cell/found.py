@@ -105,7 +105,7 @@ def of_scanner(result: Mapping[str, Any], cell: Cell) -> Mapping[str, Any]:
     frames, balls = result.get("frames") or (), result.get("spheres") or ()
     frame = next((f for f in frames if (f["outof"], f.get("scanner")) == ("laser", name)), None)
     ball = next((b["center_mm"] for b in balls if b["in"] == other_end(mount)), None)
-    if name is None or frame is None:
+    if name is None or frame is None or result.get("up_to_shift"):
         return result
     own = {f"{mount}_from_laser": frame["matrix"], f"sphere_center_in_{other_end(mount)}_mm": ball}
     return {**result, **dict.fromkeys(SCANNER_FRAMES), **own, "covariance": frame["covariance"]}
