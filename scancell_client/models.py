@@ -326,12 +326,12 @@ class FoundAxis(Record):
     name: str
     in_: str = Field(alias="in")
     kind: Literal['rotary', 'linear']
-    axis_direction: list[float]
-    axis_point_mm: list[float] | None = None
+    axis_direction: list[float | None]
+    axis_point_mm: list[float | None] | None = None
     direction: Literal[1, -1] | None = None
     scale: float | None = None
     scale_sigma: float | None = None
-    covariance: list[list[float]]
+    covariance: list[list[float | None]]
 
 
 class FoundFrame(Record):
@@ -339,16 +339,16 @@ class FoundFrame(Record):
     into: str
     outof: str
     scanner: str | None = None
-    matrix: list[list[float]]
-    covariance: list[list[float]] | None = None
+    matrix: list[list[float | None]]
+    covariance: list[list[float | None]] | None = None
 
 
 class FoundSphere(Record):
     """Where a ball's centre is `in` what carries it, its covariance (3, 3) in mm², and who saw it."""
     name: str
     in_: str = Field(alias="in")
-    center_mm: list[float]
-    covariance: list[list[float]]
+    center_mm: list[float | None]
+    covariance: list[list[float | None]]
     captures: list[str] | None = None
 
 
@@ -634,8 +634,8 @@ class SessionAnswer(Record):
     base_from_laser: AnsweredFrame | None = None
     base_from_turntable: AnsweredFrame | None
     laser_from_turntable: AnsweredFrame | None = None
-    position_sigma_mm: float
-    rotation_sigma_deg: float
+    position_sigma_mm: float | None
+    rotation_sigma_deg: float | None
     budget: Any = None
     decision: str | None = None
     limits_changed: list[str] | None = None
@@ -730,14 +730,14 @@ class ChainResult(Record):
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
     decided_before: list[DecidedBefore] | None = None
-    base_from_turntable: list[list[float]]
-    axis_direction_in_base: list[float]
-    axis_point_in_base_mm: list[float]
+    base_from_turntable: list[list[float | None]]
+    axis_direction_in_base: list[float | None]
+    axis_point_in_base_mm: list[float | None]
     direction: Literal[1, -1]
-    axis_direction_covariance: list[list[float]]
-    axis_point_covariance: list[list[float]]
-    axis_direction_sigma_deg: float
-    axis_point_sigma_mm: float
+    axis_direction_covariance: list[list[float | None]]
+    axis_point_covariance: list[list[float | None]]
+    axis_direction_sigma_deg: float | None
+    axis_point_sigma_mm: float | None
     mounts: list[TableMount]
     circles: list[TableCircle] | None = None
     circles_axis_direction_in_base: list[float] | None = None
@@ -749,8 +749,8 @@ class ChainResult(Record):
     angle_rms_deg: float
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
+    tool0_from_laser: list[list[float | None]] | None = None
+    base_from_laser: list[list[float | None]] | None = None
     up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
@@ -767,10 +767,10 @@ class ChainResult(Record):
     causes: list[RootCause] | None = None
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
-    covariance: list[list[float]]
+    covariance: list[list[float | None]]
     sphere_center_in_base_mm: list[float] | None = None
     sphere_center_in_tool0_mm: list[float] | None = None
-    sphere_center_covariance: list[list[float]]
+    sphere_center_covariance: list[list[float | None]]
     surface_rms_mm: float
     leave_one_out_surface_rms_mm: float | None
     center_scatter_rms_mm: float
@@ -785,8 +785,8 @@ class ChainResult(Record):
     arm_model: ArmModelFound | None = None
     confidence_95: dict[str, float] | None = None
     stage: Literal['chain'] | None = None
-    turntable_covariance: list[list[float]]
-    cross_covariance: list[list[float]]
+    turntable_covariance: list[list[float | None]]
+    cross_covariance: list[list[float | None]]
     residuals: list[TcpResidual | TurntableResidual]
 
 
@@ -870,8 +870,8 @@ class MergeResult(Record):
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
     decided_before: list[DecidedBefore] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
+    tool0_from_laser: list[list[float | None]] | None = None
+    base_from_laser: list[list[float | None]] | None = None
     up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
@@ -958,8 +958,8 @@ class TcpResult(Record):
     decided_before: list[DecidedBefore] | None = None
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
+    tool0_from_laser: list[list[float | None]] | None = None
+    base_from_laser: list[list[float | None]] | None = None
     up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
@@ -976,10 +976,10 @@ class TcpResult(Record):
     causes: list[RootCause] | None = None
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
-    covariance: list[list[float]]
+    covariance: list[list[float | None]]
     sphere_center_in_base_mm: list[float] | None = None
     sphere_center_in_tool0_mm: list[float] | None = None
-    sphere_center_covariance: list[list[float]]
+    sphere_center_covariance: list[list[float | None]]
     surface_rms_mm: float
     leave_one_out_surface_rms_mm: float | None
     center_scatter_rms_mm: float
@@ -1006,17 +1006,17 @@ class TurntableResult(Record):
     decided_before: list[DecidedBefore] | None = None
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
+    tool0_from_laser: list[list[float | None]] | None = None
+    base_from_laser: list[list[float | None]] | None = None
     up_to_shift: UpToShift | None = None
-    base_from_turntable: list[list[float]]
-    axis_direction_in_base: list[float]
-    axis_point_in_base_mm: list[float]
+    base_from_turntable: list[list[float | None]]
+    axis_direction_in_base: list[float | None]
+    axis_point_in_base_mm: list[float | None]
     direction: Literal[1, -1]
-    axis_direction_covariance: list[list[float]]
-    axis_point_covariance: list[list[float]]
-    axis_direction_sigma_deg: float
-    axis_point_sigma_mm: float
+    axis_direction_covariance: list[list[float | None]]
+    axis_point_covariance: list[list[float | None]]
+    axis_direction_sigma_deg: float | None
+    axis_point_sigma_mm: float | None
     mounts: list[TableMount]
     circles: list[TableCircle] | None = None
     circles_axis_direction_in_base: list[float] | None = None
@@ -1042,7 +1042,7 @@ class TurntableResult(Record):
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['turntable'] | None = None
-    covariance: list[list[float]]
+    covariance: list[list[float | None]]
     undetermined: list[Undetermined] | None = None
     variance_components: VarianceComponents
     residuals: list[TurntableResidual]
@@ -1054,8 +1054,8 @@ class VerifyResult(Record):
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
     decided_before: list[DecidedBefore] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
+    tool0_from_laser: list[list[float | None]] | None = None
+    base_from_laser: list[list[float | None]] | None = None
     up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
@@ -1173,8 +1173,8 @@ class TurntableResidual(Record):
 
 class TwoStep(Record):
     """The paper's two-step answer, beside the joint one."""
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
+    tool0_from_laser: list[list[float | None]] | None = None
+    base_from_laser: list[list[float | None]] | None = None
     up_to_shift: UpToShift | None = None
     sphere_center_in_base_mm: list[float] | None = None
     sphere_center_in_tool0_mm: list[float] | None = None

@@ -53,7 +53,7 @@ ResultsData = Mapping[str, Mapping[str, Any]]
 """Results as JSON data, by stage."""
 Open = Annotated[
     float,
-    BeforeValidator(lambda number: nan if number is None else number),
+    BeforeValidator(lambda number: nan if number is None else number, json_schema_input_type=float | None),
     PlainSerializer(lambda number: None if isnan(number) else number, return_type=float | None),
 ]
 """A number that is not determined where it is null: NaN inside."""
