@@ -87,9 +87,8 @@ def in_other_units(axes: Sequence[MovedAxis], readings: FloatArray) -> Iterator[
     """Give readings (K, A) with those of all axes of a kind, or of one, in another unit, and what to say then."""
     for kind, units in _UNITS.items():
         own = [a for a, axis in enumerate(axes) if axis.kind == kind]
-        for some, (unit, factor) in product(
-            [*([own] if len(own) > 1 else []), *([a] for a in own)], units.items()
-        ):
+        one_by_one = [[a] for a in own]
+        for some, (unit, factor) in product([own, *one_by_one] if len(own) > 1 else one_by_one, units.items()):
             other = readings.copy()
             other[:, some] *= factor
             if kind == "rotary" and np.ptp(other[:, some], axis=0).max() > 2 * np.pi:
