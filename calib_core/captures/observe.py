@@ -12,7 +12,7 @@ from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
 from calib_core.cell.axes import read_axes
-from calib_core.cell.carriers import carriers_of, scanner_name, scanner_names, scanner_told
+from calib_core.cell.carriers import carriers_of, scanner_name, scanner_names, scanner_place, scanner_told
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.formats.format import Reading
@@ -53,6 +53,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
             point_sigma_mm=sigma_mm or CENTER_SIGMA_MM,
             carriers=carriers,
             scanner=scanner_name(session.cell, capture),
+            listed=scanner_place(session.cell, capture),
             readings=read_axes(session.cell, capture),
         )
     with _named(capture):
@@ -70,6 +71,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
         point_sigma_mm=sigma_mm or fit.point_sigma_mm,
         carriers=carriers,
         scanner=scanner_name(session.cell, capture),
+        listed=scanner_place(session.cell, capture),
         readings=read_axes(session.cell, capture),
         sphere=own_size(session.cell, capture),
     )
@@ -97,6 +99,7 @@ def arc_observation(
         without_ray=without_ray,
         carriers=carriers_of(cell, capture),
         scanner=scanner_name(cell, capture),
+        listed=scanner_place(cell, capture),
         readings=read_axes(cell, capture),
         common_sigma_mm=told.point_sigma_mm if scanner_names(cell) else None,
         sphere=own_size(cell, capture),

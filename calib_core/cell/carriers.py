@@ -106,6 +106,12 @@ def scanner_name(cell: Cell, capture: Capture) -> str:
     return (capture.scanner or next(iter(cell.scanners or ()), "")) if len(cell.scanners or {}) > 1 else ""
 
 
+def scanner_place(cell: Cell, capture: Capture) -> int:
+    """Return how many scanners a cell lists before the one that took a capture."""
+    name = scanner_name(cell, capture)
+    return list(cell.scanners or ()).index(name) if name in (cell.scanners or ()) else 0
+
+
 def rides_on_axis(carrier: str) -> bool:
     """Return whether what carries a ball is an axis, neither base nor the flange."""
     return carrier not in ("base", "tool0")

@@ -77,7 +77,7 @@ def answer_of(
     ]
     return Answer(
         mount_from_laser=state.mount_from_laser,
-        ball="tool0" if observations[0].carriers.ball == "tool0" else "base",
+        ball="tool0" if walk.layout.places[0][0] == "tool0" else "base",
         center_mm=state.center,
         surface_rms_mm=_rms(used_distances),
         center_scatter_rms_mm=_rms(scatter),

@@ -104,10 +104,11 @@ def chain_data(
 
 
 def layout_of(observations: Observations, axes: Sequence[MovedAxis] = ()) -> Layout:
-    """Return the layout that observations lead over, in the order in which they first appear.
+    """Return the layout that observations lead over: scanners as the cell lists them, and balls as these saw them.
 
     Of axes that are not told, a ball that rides on one has it turn.
     """
+    observations = sorted(observations, key=lambda o: o.listed)
     seen: list[tuple[str, Carrier]] = [(o.scanner, o.carriers.scanner) for o in observations]
     mounts = dict.fromkeys(seen)
     places = dict.fromkeys((o.carriers.ball, o.ball) for o in observations)

@@ -62,6 +62,8 @@ class SphereObservation:
         What carries scanner and ball.
     scanner, ball : str
         The names of the scanner and of the ball's place; empty where there is one of each.
+    listed : int
+        How many scanners the cell lists before this one: the first that is solved is the answer's own.
     readings : mapping
         Where the axes stood, by their names, rad and mm.
     sphere : SphereSize or None
@@ -88,6 +90,7 @@ class SphereObservation:
     without_ray: int = 0
     carriers: Carriers = SCANNER_ON_FLANGE
     scanner: str = ""
+    listed: int = 0
     ball: str = ""
     readings: Mapping[str, float] = field(default_factory=dict[str, float])
     sphere: SphereSize | None = None
@@ -157,9 +160,10 @@ TableObservations = Sequence[TableObservation]
 
 
 def by_scanner(observations: Observations) -> list[np.ndarray]:
-    """Return which observations are of each scanner, in the order in which scanners first appear."""
-    names = [(o.scanner, o.carriers.scanner) for o in observations]
-    return [np.flatnonzero([other == name for other in names]) for name in dict.fromkeys(names)]
+    """Return which observations are of each scanner, in the order in which the cell lists scanners."""
+    names = [(o.listed, o.scanner, o.carriers.scanner) for o in observations]
+    in_order = sorted(dict.fromkeys(names), key=lambda name: name[0])
+    return [np.flatnonzero([other == name for other in names]) for name in in_order]
 
 
 def with_own_sigmas(

@@ -75,7 +75,10 @@ def table_data(
 
 def _layout(observations: TableObservations, tool: KnownTool, options: TurntableOptions) -> Layout:
     layout = layout_of([o.placed for o in observations], options.axes)
-    return layout if tool.state is None else replace(layout, mounts=tool.state.walk.layout.mounts)
+    if tool.state is not None:
+        return replace(layout, mounts=tool.state.walk.layout.mounts)
+    exact_first = sorted(layout.mounts, key=lambda mount: [*tool.late, mount[0]].index(mount[0]))
+    return replace(layout, mounts=tuple(exact_first))
 
 
 def start_of(

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.cell.layout import Layout
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
@@ -191,6 +192,26 @@ def _of_every_mount(move: ToolMove | None, tcp: TcpSolution, late: Sequence[Late
     return move and replace(move, off=np.insert(move.off, before, np.zeros(6 * len(late))))
 
 
+def _layout(
+    spheres: Sequence[SphereObservation],
+    tcp: TcpSolution,
+    turntable: TurntableSolution,
+    options: TurntableOptions,
+    late: Sequence[LateScanner],
+) -> Layout:
+    """Return the layout of all captures in the order of what the stages found: their own first, late ones last."""
+    still, turning = tcp.held.state.walk.layout, turntable.state.walk.layout
+    layout = layout_of(spheres, options.axes)
+    found = [
+        still,
+        turning,
+        *(layout_of([o.placed for o in one.observations]) for one in late if one.observations),
+    ]
+    mounts = dict.fromkeys(mount for one in found for mount in one.mounts)
+    places = dict.fromkeys(place for one in found for place in one.places if place in layout.places)
+    return replace(layout, mounts=tuple(mounts), places=tuple(places))
+
+
 def _judge(
     tcp_observations: Sequence[SphereObservation],
     table_observations: Sequence[TableObservation],
@@ -203,7 +224,7 @@ def _judge(
     spheres = [*tcp_observations, *(o.placed for o in table_observations)]
     point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
     still = len(tcp_observations)
-    layout = layout_of(spheres, options.axes)
+    layout = _layout(spheres, tcp, turntable, options, late)
     data = chain_data(spheres, sphere, point_sigma, options.priors, layout)
     repeated = visits_of(data.chosen(np.arange(data.count) < still))
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))

@@ -7,6 +7,7 @@ import pytest
 
 import calib_core as cc
 from calib_core.frames import RigidTransform
+from calib_core.library.opened import OpenSession
 from calib_core.records.evidence import Frame
 from calib_core.records.results import FoundFrame
 from calib_core.review.cell_frames import session_frames
@@ -74,3 +75,27 @@ def test_a_table_beside_several_scanners_has_no_block_as_one_of_them() -> None:
     result = SimpleNamespace(frames=frames, up_to_shift=None, verdict="pass")
     told = [str(block.title) for block in scanner_frames(session, result) if isinstance(block, Frame)]
     assert told == ["Scanner left on the flange", "Scanner right on the flange", "Scanner right seen from left"]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "names"),
+    [("two-scanners-in-turn", ["left", "right"]), ("scanners-on-flange-and-base", ["arm", "gate"])],
+)
+def test_a_results_own_scanner_is_the_first_that_the_cell_lists_whichever_captured_first(
+    scenario: str, names: list[str]
+) -> None:
+    simulated, _ = cc.simulate(scenario, 1)
+    record = simulated.record
+    for first, other in (names, names[::-1]):
+        scanners = record.cell.scanners or {}
+        cell = record.cell.model_copy(update={"scanners": {name: scanners[name] for name in (first, other)}})
+        late = sorted(record.captures, key=lambda one: one.scanner == first)
+        told = record.model_copy(update={"cell": cell, "captures": late})
+        solved = OpenSession(told, simulated.read).run("tcp")["tcp"]
+        result = solved.to_json()
+        frame = next(one for one in result["frames"] if one["outof"] == "laser" and one["scanner"] == first)
+        ball = next(one for one in result["spheres"] if one["in"] != frame["into"])
+        assert result["scanner"] == first
+        assert result[f"{frame['into']}_from_laser"] == frame["matrix"]
+        assert result["covariance"] == frame["covariance"]
+        assert result[f"sphere_center_in_{ball['in']}_mm"] == ball["center_mm"]
