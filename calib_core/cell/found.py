@@ -22,7 +22,7 @@ from calib_core.records import Capture, Cell
 from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
 from calib_core.records.results import FoundFrame
 from calib_core.records.topology import FoundAxis, KnownFrame
-from calib_core.steps import stage_names, tool_stages
+from calib_core.steps import stage_names, table_stages, tool_stages
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
 ON_FLANGE: Final = "tool0_from_laser"
@@ -171,6 +171,15 @@ def axis_of_table(result: Mapping[str, Any]) -> tuple[str, str]:
     own = (name for name in riding if name not in others and name != frame_of(TABLE))
     name, kinds = next(own, TABLE), {axis["name"]: axis["kind"] for axis in result.get("axes") or ()}
     return name, kinds.get(name, "rotary")
+
+
+def turntable_name(cell: Cell, results: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """Return the name of the axis whose frame is `turntable`, as results, JSON data, or a cell of one have it."""
+    solved = (results[stage] for stage in (*tool_stages(), *table_stages()) if stage in results)
+    if (found := next((result for result in solved if result.get("axes")), None)) is not None:
+        return axis_of_table(found)[0]
+    carried = [axis.name for axis in cell.axes or () if axis.carries == "object"]
+    return carried[0] if len(carried) == 1 else None
 
 
 def scanner_answered(result: Mapping[str, Any]) -> tuple[RigidTransform, FloatArray]:

@@ -87,7 +87,7 @@ class Calibrated:
             }
         seen = (result.get("workpiece") or {}).get("point_in_laser_mm")
         point = point_in_laser_mm if point_in_laser_mm is not None else seen
-        if point is None and table is not None and result.get("mounts"):
+        if point is None and table is not None and result.get("mounts") and not on_flange(mount):
             spheres = [one["center_in_turntable_mm"] for one in result["mounts"]]
             point = (mount.inverse() @ placed_table(result)).apply(np.mean(spheres, axis=0)).tolist()
         if point is None:

@@ -117,7 +117,9 @@ def _capture(known: CellThoughtOf, shot: Shot) -> PlannedCapture:
 def _edges(known: CellThoughtOf, covariance: FloatArray) -> Iterator[PlannedEdge]:
     """Give every scanner, where each is to the first one on the same carrier, and every axis."""
     layout, firsts = known.layout, dict[str, int]()
-    for n, (name, on) in enumerate(layout.mounts):
+    alone = len(layout.mounts) == 1  # a result names it by what carries it
+    for n, (told, on) in enumerate(layout.mounts):
+        name = "" if alone else told
         own = covariance[layout.mount(n), layout.mount(n)]
         frame = f"{on}_from_laser" + (f":{name}" if name else "")
         yield _edge(frame, scanner_title(on, "laser", name), own[3:, 3:], own[:3, :3], own)

@@ -11,7 +11,7 @@ from pydantic import Field
 from calib_core.captures.content import pose_of
 from calib_core.cell.axes import axes_of, carrier_of_axis, names_axes
 from calib_core.cell.carriers import other_end, scanner_mount, scanner_names
-from calib_core.cell.found import answering, as_used, scanner_answered, table_seen
+from calib_core.cell.found import answering, as_used, scanner_answered, table_seen, turntable_name
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
@@ -98,7 +98,9 @@ def session_frames(
     if asked is not None:
         told = _told_by_result(_Solved(results, stale), *asked)
         if told is None:
-            into, outof, scanner = _of_one_scanner(session, *asked)
+            table = turntable_name(session.cell, results)
+            plain = ["turntable" if name == table else name for name in asked]
+            into, outof, scanner = _of_one_scanner(session, *plain)
             way = (frame_graph(session, results, stale, capture, scanner) if scanner else graph).find(into, outof)
             told = _asked(f"{asked[0]}_from_{asked[1]}", _determined(way, results))
     return SessionFrames(

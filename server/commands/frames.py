@@ -87,6 +87,8 @@ def _edge(edge: "ListedFrame", solved: bool) -> str:
 
 def _axis(axis: "ListedAxis") -> str:
     """Return an axis's line: what it moves, where it lies in base as all axes read zero, and its ±."""
+    from math import isfinite
+
     from calib_core.messages import message
 
     carries = message("moves the robot") if axis.carries == "robot" else message("moves the part")
@@ -97,8 +99,8 @@ def _axis(axis: "ListedAxis") -> str:
     else:
         way = " ".join(f"{value:.4f}" for value in axis.found.axis_direction)
         told = message("{name}: solved by {stage}, along {way} in base", name=name, stage=axis.source, way=way)
-        if axis.found.axis_point_mm is not None:
-            point = " ".join(f"{value:.2f}" for value in axis.found.axis_point_mm)
+        known = [f"{value:.2f}" for value in axis.found.axis_point_mm or () if isfinite(value)]
+        if point := " ".join(known):
             told = message("{said}, through {point}", said=told, point=point)
         told = _known(told, _worst(axis.found.covariance, 3), _worst(axis.found.covariance, 0))
     return message("{said}; out of date: its inputs have changed since", said=told) if axis.stale else told

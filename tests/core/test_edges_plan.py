@@ -82,6 +82,10 @@ def test_the_described_cell_is_simulated_and_solved_about_as_well_as_planned(nam
         assert 1 / 3 < (plan[edge].position_mm or 0.0) / own_mm < 3
 
 
+def test_a_lone_scanners_edge_is_named_as_in_results_whatever_its_name() -> None:
+    assert [edge.name for edge in planned("scara", scanners={"one": {}}).edges] == ["tool0_from_laser"]
+
+
 BAD = [
     ({"scanners": {"gate": {"on": "base"}}, "spheres": [{"name": "a", "on": "base"}]}, "something moves before"),
     ({"axes": [{**TURN, "on": "b"}, {"name": "b", "kind": "rotary", "on": "turn"}]}, "a loop"),

@@ -11,7 +11,8 @@ import pytest
 import calib_core as cc
 from calib_core.archive.folder import result_data
 from calib_core.cell.found import placed_scanner, placed_table
-from calib_core.errors import ConflictError
+from calib_core.errors import ConflictError, InputError
+from calib_core.guidance.part_budget import budget_at
 from calib_core.library.opened import in_memory
 from calib_core.review.answer import answer_of_folder
 from calib_core.simulation import TOPOLOGY_SCENARIOS
@@ -144,6 +145,8 @@ def test_a_gantrys_scanner_and_table_are_used_together(tmp_path: Path, capsys: p
     simulated, truth = cc.simulate("gantry-turntable", 2)
     simulated.run()
     folder, capture = str(simulated.save(tmp_path / "session")), simulated.record.captures[-1]
+    with pytest.raises(InputError, match="a place that the captures leave open"):
+        budget_at(simulated.record, {name: result_data(one) for name, one in simulated.results.items()})
     assert main(["check", folder]) == 0
     assert main(["export", folder, "--format", "json", "--allow", "not-replayed"]) == 0
     assert main(["report", folder, "--out", str(tmp_path / "report.html")]) == 0

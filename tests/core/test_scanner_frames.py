@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.errors import ConflictError
 from calib_core.frames import RigidTransform
 from calib_core.library.opened import OpenSession
 from calib_core.records.evidence import Frame
@@ -99,3 +100,28 @@ def test_a_results_own_scanner_is_the_first_that_the_cell_lists_whichever_captur
         assert result[f"{frame['into']}_from_laser"] == frame["matrix"]
         assert result["covariance"] == frame["covariance"]
         assert result[f"sphere_center_in_{ball['in']}_mm"] == ball["center_mm"]
+
+
+def test_the_only_axis_under_the_part_is_asked_for_by_its_name_or_as_the_turntable() -> None:
+    session = cc.simulate("tilt", 1)[0].record
+    pose = RigidTransform.of([0.2, -0.1, 0.4], [1000.0, -250.0, 450.0], "base", "turntable")
+    axis = {
+        "name": "tilt",
+        "kind": "rotary",
+        "in": "base",
+        "axis_direction": [0.0, 1.0, 0.0],
+        "axis_point_mm": None,
+    }
+    chain = {
+        "base_from_turntable": pose.to_rows(),
+        "turntable_covariance": np.eye(6).tolist(),
+        "axes": [{**axis, "scale": 1.0, "covariance": np.eye(6).tolist(), "captures": []}],
+        "frames": [{"into": "base", "outof": "turntable", "matrix": pose.to_rows(), "covariance": None}],
+        "spheres": [{"in": "tilt"}],
+    }
+    by_name = session_frames(session, {"chain": chain}, asked=("base", "tilt")).asked
+    assert by_name is not None
+    assert by_name.name == "base_from_tilt"
+    assert np.allclose(by_name.matrix, pose.to_rows(), atol=1e-12)
+    with pytest.raises(ConflictError, match="base_from_turntable"):
+        session_frames(session, {}, asked=("base", "tilt"))
