@@ -14,7 +14,8 @@ from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
 from calib_core.stages.turntable.result import seen_from
 
-_FAR_MM2 = 1000.0**2
+FAR_MM = 1000.0
+"""A place with such a standard deviation is not determined, and has no number."""
 _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
 
 
@@ -113,7 +114,7 @@ def _open_of(frame: FoundFrame, mount: RigidTransform, on_mount: np.ndarray, in_
 def _far_off(covariance: Any) -> np.ndarray:
     """Return which places of a pose (6,) are known to metres alone: its own captures did not turn for them."""
     variances = np.zeros(6) if covariance is None else np.diag(np.array(covariance, dtype=float))
-    return np.concatenate([np.zeros(3, dtype=bool), variances[-3:] > _FAR_MM2])
+    return np.concatenate([np.zeros(3, dtype=bool), variances[-3:] > FAR_MM**2])
 
 
 def _open_table(result: TurntableResult | ChainResult, in_base: np.ndarray) -> dict[str, Any]:

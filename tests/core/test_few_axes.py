@@ -200,3 +200,4 @@ def test_a_gantry_has_no_number_for_either_of_two_scanners_and_both_are_shown_an
     merged = results["merge"]
     assert "merge-place-open" in {one.code for one in merged.findings}
     assert merged.overlap_rms_mm < 0.3
+    assert merged.surface_sigma_mm is None

@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 13  # scans of scanners that are not placed are left out
+    method_revision = 14  # a surface whose place is open has no ±
     step = CaptureStep(
         "scan",
         "Scan",

@@ -49,6 +49,7 @@ from calib_core.stages.merge.mistakes import Mistakes
 from calib_core.stages.merge.nominal import Compared, compared
 from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter
 from calib_core.stages.merge.trials import PATCH_SPACINGS
+from calib_core.stages.undetermined_places import FAR_MM
 
 _USUAL_VOXEL_MM, _COARSE = 0.5, 2.0
 _LOOKED_AT = 3  # scans of which the spacing is asked: one of them may be in metres, or hardly see the part
@@ -292,7 +293,7 @@ def _result(
         registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
         registration_shift_rms_mm=float(np.sqrt(np.mean(registered.shift_mm**2))) if registered else None,
         self_calibration=shared_shift(calibration, solution.self_calibration),
-        surface_sigma_mm=_number(solution.surface_sigma_mm),
+        surface_sigma_mm=solution.surface_sigma_mm if solution.surface_sigma_mm < FAR_MM else None,
         calibrated_by=calibration.by,
         **told_by(calibration.placement.mount_from_laser),
         base_from_turntable=None if table is None else table.to_rows(),
