@@ -66,6 +66,13 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     return first_reasons(found)
 
 
+def without_scanner(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
+    """Return that captures of a cell of several scanners name none, and whose they count as."""
+    known = scanner_names(cell)
+    silent = [one.id for one in captures if one.scanner is None and not one.excluded] if len(known) > 1 else []
+    return [codes.CAPTURE_OF_NO_SCANNER(silent, scanner=known[0], known=", ".join(known))] if silent else []
+
+
 def not_measured(failed: Mapping[str, CalibrationError], code: Code = codes.CAPTURE_NOT_MEASURED) -> list[Finding]:
     """Return captures that do not show what is measured, one finding a need."""
     groups: dict[tuple[str, str], dict[str, dict[str, Value]]] = {}

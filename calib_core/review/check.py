@@ -5,7 +5,7 @@ from pathlib import PurePosixPath
 
 from calib_core.captures.certificate import certificate_findings, overdue_certificates
 from calib_core.captures.content import pose_of, read_as, sphere_of
-from calib_core.captures.contradictions import unfit
+from calib_core.captures.contradictions import unfit, without_scanner
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.poses import (
     angles_look_like_radians,
@@ -55,6 +55,7 @@ def check_session(
         *_names(session),
         *_chain(session),
         *_unfit(session),
+        *without_scanner(session.cell, used),
         *_doubtful(used, read),
         *overdue_certificates(session, now()),
         *certificate_findings(session, read),

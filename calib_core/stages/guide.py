@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from calib_core.captures.contradictions import without_scanner
 from calib_core.cell.found import told_by_axes
 from calib_core.cell.titles import step_title
 from calib_core.findings import (
@@ -108,6 +109,7 @@ def guide(
     current, last = _now(view), _last(session, measured)
     result = view.fresh(current.stage) if current.stage is not None else None
     found = [] if result is None else findings_in(result)
+    found = [*found, *without_scanner(session.cell, session.captures)]
     told = [*(last.findings if last else []), *with_severities(found, severities)]
     seen = coverage_so_far(session, measured)
     return Guide(

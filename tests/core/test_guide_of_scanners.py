@@ -62,3 +62,12 @@ def test_a_scanner_that_took_nothing_yet_is_asked_for_before_the_solve() -> None
     cell = left.cell.model_copy(update={"known": Known(frames=[known])})
     told = left.model_copy(update={"cell": cell})
     assert guide(told, measured, {}).current.action == "solve"  # nothing of it is to be found
+
+
+def test_captures_that_name_no_scanner_are_told_with_whose_they_count_as() -> None:
+    _, session = in_turn(1)
+    some = session.captures[:4]
+    silent = session.model_copy(update={"captures": [some[0].model_copy(update={"scanner": None}), *some[1:]]})
+    found = [one for one in guide(silent, [], {}).findings if one.code == "capture-without-scanner"]
+    assert [(one.captures, one.values["scanner"]) for one in found] == [([some[0].id], "arm")]
+    assert "capture-without-scanner" not in {one.code for one in guide(session, [], {}).findings}

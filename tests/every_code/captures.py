@@ -30,6 +30,12 @@ def named(*scanners: str) -> Case:
     return lambda: unfit(session.cell, session.captures)
 
 
+def of_two(scanner: str | None) -> Case:
+    """Return what is said of captures of which the first names this scanner, in a cell of two."""
+    captures = [{**c, "scanner": "left" if k else scanner} for k, c in enumerate(TCP)]
+    return check(captures, scanners={"left": {}, "right": {}})
+
+
 def by_arm(tool_mm: float = 0.0, arm: str = "ur5e", one_mm: float = 0.0) -> Session:
     """Return captures of an ur5e beside its joints, all poses of a tool so long, the fourth shifted by so much."""
     tool = RigidTransform.of(np.zeros(3), np.array([0.0, 0.0, tool_mm]), "tool0", "tool0")
@@ -88,6 +94,7 @@ def of_reflection(*captures: int) -> Case:
 CASES: dict[str, tuple[Case, Case]] = {
     "capture-while-moving": (check(changed(0, moving=True)), check(changed(0, moving=False))),
     "capture-of-unknown-scanner": (named("left", "lft"), named("left", "left")),
+    "capture-without-scanner": (of_two(None), of_two("right")),
     "capture-without-axis-reading": (with_axis({}), with_axis({"tilt": 5.0})),
     "capture-of-other-setting": (
         check([{**c, "active_tool": 1 + (k == 0)} for k, c in enumerate(TCP)]),

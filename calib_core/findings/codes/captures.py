@@ -30,6 +30,19 @@ CAPTURE_OF_OTHER_SCANNER = Code(
     usual_causes="A typing error, a scanner that was renamed.",
 )
 
+CAPTURE_OF_NO_SCANNER = Code(
+    "capture-without-scanner",
+    "warning",
+    text=Plural(
+        "{captures} does not say which scanner took it: it counts as of {scanner}, the first of the cell's ({known}).",
+        "{captures} do not say which scanner took them: they count as of {scanner}, the first of the cell's ({known}).",
+    ),
+    to_do="Name the scanner in each of these captures.",
+    meaning="The cell has several scanners, and the capture names none.",
+    decided="cell.scanners has several names, and the capture has no field scanner.",
+    usual_causes="Captures from before the cell had a second scanner, a program that leaves the field out.",
+)
+
 CAPTURE_WITHOUT_READING = Code(
     "capture-without-axis-reading",
     "warning",
