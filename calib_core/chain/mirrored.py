@@ -13,12 +13,12 @@ import numpy as np
 
 from calib_core.cell.layout import AxisState, MovedAxis
 from calib_core.chain.chain_data import ChainData
+from calib_core.chain.encoder_scales import EncoderScales
 from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import TABLE, Observations
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import LEVEL
-from calib_core.chain.table_judging import EncoderScales
 from calib_core.chain.variance import ChainFit, is_settled
 from calib_core.frames import FloatArray, with_third
 

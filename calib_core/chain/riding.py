@@ -45,6 +45,7 @@ def by_riding(
         point_sigma_mm=options.point_sigma_mm,
         priors=options.priors,
         axes=tuple(axes),
+        axis_scales=(False,) * len(axes),  # what is seen from the axes is judged as such: there they are sought
         axis_sigmas=tuple(sigmas.get(axis.name, options.angle_sigma_rad) for axis in axes),
     )
     return solve_tcp(seen, sphere, given)

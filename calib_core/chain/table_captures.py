@@ -52,8 +52,6 @@ def table_data(
     layout = _layout(observations, tool, options)
     data = chain_data(placed, sphere, point_sigma, options.priors if tool.sought else None, layout)
     data = replace(data, distances=layout.apart(options.distances))
-    for axis in layout.carrying:
-        data = data.holding(layout.scale(axis), not options.scale_asked(axis))
     if tool.sought:
         return tool.sought.left_open.shifts.holding(data)
     for n, axis in enumerate(layout.axes):

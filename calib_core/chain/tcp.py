@@ -16,6 +16,7 @@ from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.bend import Bends, doubted, straightened
 from calib_core.chain.chain_data import ChainData
 from calib_core.chain.effective import with_effective_points
+from calib_core.chain.encoder_scales import judge_scales
 from calib_core.chain.foot_start import on_foot
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import named_causes
@@ -114,7 +115,8 @@ def solve_tcp(
     data = replace(data, distances=layout.apart(options.distances))
     state, core, spread = together(data, mains, every, axes)
     state, core = with_other_balls(data, centers_of(on_foot(observations, layout, axes), sphere), state, core)
-    judged = judge_from(observations, data, state, core, given)
+    asked = options.scales_of(layout)
+    judged, data, encoders = judge_scales(observations, data, state, core, given, asked.__getitem__)
     observations, data, judged, bends = straightened(observations, data, judged, given)
     judged, lag = _less_sure(judged, bends, spread)
     held = hold_files(judged, options.apply_scanner)
@@ -183,6 +185,7 @@ def solve_tcp(
             at_workpiece=held.at_workpiece(point, data.half_width_mm),
         ),
         given=TcpGiven(sphere, options),
+        encoders=encoders,
         arm=arm,
         as_told=as_told,
     )

@@ -10,6 +10,7 @@ from calib_core.chain.answer import Answer
 from calib_core.chain.arm_model import ArmModel
 from calib_core.chain.bend import Bends
 from calib_core.chain.chain_data import Sigmas
+from calib_core.chain.encoder_scales import EncoderScales
 from calib_core.chain.held import Held
 from calib_core.chain.incidents import Happened
 from calib_core.chain.influence import Influence
@@ -34,7 +35,8 @@ class TcpOptions:
     `arm_terms`: those that observations' `arm_moves` are of; `apply_arm`: the arm's errors are taken out of the
     poses where other poses are predicted better by that, and the tool is that of such poses.
     `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
-    deviations of their readings, rad or mm.  `distances`: told ones of balls.
+    deviations of their readings, rad or mm, and what is asked of each one's encoder.  `distances`: told ones of
+    balls.
     """
 
     position_sigma_mm: float | None = None
@@ -45,6 +47,7 @@ class TcpOptions:
     taken_at_s: tuple[tuple[str, float], ...] = ()
     axes: tuple[MovedAxis, ...] = ()
     axis_sigmas: tuple[float | None, ...] = ()
+    axis_scales: tuple[bool | None, ...] = ()
     arm_terms: tuple[ArmTerm, ...] = ()
     apply_arm: bool = False
     distances: tuple[KnownDistance, ...] = ()
@@ -53,6 +56,11 @@ class TcpOptions:
         """Return what is told of the readings of some of the axes."""
         told = dict(zip((axis.name for axis in self.axes), self.axis_sigmas, strict=True))
         return [told[axis.name] for axis in layout.axes]
+
+    def scales_of(self, layout: Layout) -> list[bool | None]:
+        """Return what is asked of the encoders of some of the axes."""
+        told = dict(zip((axis.name for axis in self.axes), self.axis_scales, strict=False))
+        return [told.get(axis.name) for axis in layout.axes]
 
 
 @dataclass(frozen=True)
@@ -226,6 +234,8 @@ class TcpSolution:
         What was found of the scanner, whether the tool has it, and how both are correlated.
     arm : ArmModel or None
         The arm's own errors, where its joints are known.
+    encoders : dict
+        What the captures say of the axes under the robot.
     as_told : Held or None
         The answer for the controller's own poses, where those of this one are corrected by the arm's errors.
     """
@@ -240,5 +250,6 @@ class TcpSolution:
     beside: BesideModel
     in_view: InView
     given: TcpGiven
+    encoders: EncoderScales
     arm: ArmModel | None = None
     as_told: Held | None = None

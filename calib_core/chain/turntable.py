@@ -18,6 +18,7 @@ import numpy as np
 from calib_core.chain.bend import unbent
 from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.circles import PaperAxis, paper_axis
+from calib_core.chain.encoder_scales import EncoderScale, EncoderScales
 from calib_core.chain.mirrored import (
     JudgedTable,
     MirrorImage,
@@ -47,7 +48,7 @@ from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.table_given import KnownTool, TurntableOptions
 from calib_core.chain.table_held import with_tool_held
-from calib_core.chain.table_judging import EncoderScale, EncoderScales, judge_table
+from calib_core.chain.table_judging import judge_table
 from calib_core.chain.table_moves import TableMove
 from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_residuals import TableResiduals, table_residuals

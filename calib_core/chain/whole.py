@@ -19,6 +19,7 @@ from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.bend import by_all, doubted, unbent
 from calib_core.chain.chain_data import ChainData
 from calib_core.chain.effective import with_effective_points
+from calib_core.chain.encoder_scales import EncoderScales
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
 from calib_core.chain.late_scanner import LateScanner
@@ -44,7 +45,7 @@ from calib_core.chain.table_captures import corrected_table, table_with_effectiv
 from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
 from calib_core.chain.table_given import KnownTool, TurntableOptions
-from calib_core.chain.table_judging import EncoderScales, judge_table
+from calib_core.chain.table_judging import judge_table
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_tool import ToolMove, with_tool_move
 from calib_core.chain.tcp import Progress, as_corrected, left_out_states, say_nothing, seen_point, sides_of
@@ -230,8 +231,11 @@ def _judge(
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
     data = tcp.left_open.shifts.holding(data)
     data = replace(data, distances=layout.apart(tcp.given.options.distances or options.distances))
-    for axis, encoder in turntable.encoders.items():
-        data = data.holding(layout.scale(axis), not encoder.applied)
+    names = [axis.name for axis in layout.axes]
+    for stage in (tcp.held.state.walk.layout, tcp.encoders), (turntable.state.walk.layout, turntable.encoders):
+        for axis, encoder in stage[1].items():
+            own = layout.scale(names.index(stage[0].axes[axis].name))
+            data = data.holding(own, not encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position
     mounts = (
         np.array([*one.mount_rotations, *(own.rotation for own in late)]),
@@ -295,6 +299,7 @@ def _tcp_part(
         ),
         left_open=LeftOpen(open_directions(free), open_directions(free, tolerance=0.2), alone.left_open.shifts),
         beside=replace(alone.beside, excess=judged.excess),
+        encoders={},  # told with the table's
         in_view=InView(
             seen_mm=point,
             at_point=held.at_point(point, judged.data.half_width_mm),

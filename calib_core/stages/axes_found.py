@@ -1,9 +1,15 @@
 """The axes that a solution found, told alike by every stage."""
 
+from collections.abc import Callable
+
 import numpy as np
 
+from calib_core.cell.layout import Layout
+from calib_core.chain.encoder_scales import EncoderScales
 from calib_core.chain.model import ChainState
 from calib_core.chain.table_frame import LEVEL
+from calib_core.findings import Finding
+from calib_core.findings.codes.turntable import ENCODER_SCALE
 from calib_core.frames import FloatArray
 from calib_core.records.topology import FoundAxis
 
@@ -36,6 +42,27 @@ def axes_found(state: ChainState, covariance: FloatArray, known: str = "") -> li
                     "scale_sigma": None if axis.scale == 1.0 else float(np.sqrt(max(own[4, 4], 0.0))),
                     "covariance": (moves @ own @ moves.T).tolist(),
                 }
+            )
+        )
+    return found
+
+
+def encoder_findings(
+    encoders: EncoderScales, layout: Layout, asked: Callable[[int], bool | None]
+) -> list[Finding]:
+    """Return which encoders count wrongly beyond doubt, but for those whose scale the cell asks for."""
+    found: list[Finding] = []
+    for number, scale in encoders.items():
+        if not scale.significant or asked(number):
+            continue
+        axis = layout.named(number)
+        found.append(
+            ENCODER_SCALE(
+                of=layout.axes[number].kind if axis else "one",
+                axis=axis,
+                handled="applied" if scale.applied else "left",
+                error_percent=100 * scale.error,
+                uncertainty_percent=200 * scale.sigma,
             )
         )
     return found

@@ -102,6 +102,49 @@ def test_axes_of_either_kind_under_the_robot(
         assert squared < CHI2[freedom], name
 
 
+def geared(scenario: str, scale: float, encoder: str | None = None) -> tuple[Any, dict[str, Any]]:
+    """Return the last answer before a rail whose scale is not one, estimated scatters, and the truth."""
+    made = TOPOLOGY_SCENARIOS[scenario]
+    axes = (replace(made.axes[0], scale=scale, high=500.0), *made.axes[1:])
+    made = replace(made, axes=axes, cell=replace(made.cell, sigmas="estimated"))
+    session, files, truth = simulate_topology(made, "drawn", 2)
+    rail, *others = session.cell.axes or []
+    cell = session.cell.model_copy(update={"axes": [rail.model_copy(update={"encoder": encoder}), *others]})
+    results = in_memory(session.model_copy(update={"cell": cell}), files).run()
+    return results["chain" if "chain" in results else "tcp"], truth
+
+
+@pytest.mark.thorough(keep=2)
+@pytest.mark.parametrize(
+    ("scenario", "scale", "encoder"),
+    [
+        ("rail", 1.002, None),
+        ("rail", 1.002, "exact"),
+        ("rail", 0.99, "scale"),
+        ("rail", 1.0, None),
+        ("rail-positioner", 1.002, None),
+    ],
+)
+def test_the_scale_of_an_axis_under_the_robot_is_found_and_told(
+    scenario: str, scale: float, encoder: str | None
+) -> None:
+    result, truth = geared(scenario, scale, encoder)
+    rail = result.axes[0]
+    told = [one.values for one in result.findings if one.code == "encoder-scale"]
+    assert [one["axis"] for one in told] == ["rail"] * (scale != 1.0 and encoder != "scale")
+    assert result.verdict == ("warn" if told else "pass")
+    for one in told:
+        assert abs(one["error_percent"] - 100 * (scale - 1)) < 2 * one["uncertainty_percent"]
+    if encoder == "exact" or scale == 1.0:
+        assert (rail.scale, rail.scale_sigma) == (1.0, None)
+        return
+    assert abs(rail.scale - scale) < 4 * rail.scale_sigma < 0.002
+    off = np.array(result.sphere_center_in_base_mm) - truth["spheres"][0]["center_mm"]
+    assert off @ np.linalg.solve(np.array(result.sphere_center_covariance), off) < 21.1
+    for name, squared, freedom, _ in distances(result, truth):
+        assert squared < CHI2[freedom], name
+
+
 BESIDE = ScannerOptions("gate", "base")
 LARGE, MIDDLE, SMALL = (
     BallOptions(name, "base", (900.0 + x, 150.0 + y, 420.0), diameter)

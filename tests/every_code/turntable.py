@@ -9,10 +9,10 @@ import numpy as np
 
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
+from calib_core.chain.encoder_scales import EncoderScale
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_given import KnownTool
-from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_tool import ToolMove
 from calib_core.chain.tcp import solve_tcp
 from calib_core.chain.turntable import TurntableSolution, solve_turntable

@@ -321,7 +321,7 @@ ENCODER_SCALE = Code(
     },
     to_do={
         "applied": "The answer accounts for it; check the encoder and the gear.",
-        "left": "The answer does not account for it, as turntable.encoder is 'exact'; check the encoder and the gear.",
+        "left": "The answer does not account for it, as encoder is 'exact'; check the encoder and the gear.",
     },
     by="of",
     by_to_do="handled",

@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 27  # of several scanners its own is the first that the cell lists
+    method_revision = 28  # scales of axes under the robot are tested, and sought where beyond doubt
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s", "mount")}
     reads = SPHERE_READS

@@ -13,7 +13,7 @@ from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.causes.flange import flange_findings
-from calib_core.cell.axes import axis_that_moved, foot_moved, moved_axes, reading_sigmas, riders
+from calib_core.cell.axes import axis_that_moved, foot_moved, moved_axes, reading_sigmas, riders, scales_asked
 from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
@@ -194,6 +194,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         apply_arm=cell.robot.errors == "apply",
         axes=moved_axes(cell),
         axis_sigmas=reading_sigmas(cell),
+        axis_scales=scales_asked(cell),
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
     )
     seen, noticed = observed.observations, _second_arcs(clearest.observations, observed.observations)

@@ -20,6 +20,7 @@ from calib_core.findings.codes import causes as cause_codes
 from calib_core.findings.codes import tcp as codes
 from calib_core.findings.codes.causes import SWAPPED_POSES
 from calib_core.records import BeforeAfter, Capture, CauseKind, Changes, RootCause
+from calib_core.stages.axes_found import encoder_findings
 
 _HOPELESS_SCATTER_MM = 5.0
 _HOPELESS_SIGMA_MM = 2.5  # inverted poses leave 2.9 mm and more; arms that are only untrue stay below 1 mm
@@ -58,6 +59,9 @@ def tcp_findings(
     found = [*failures, *_doubts_about_captures(solution, causes, captures)]
     if not failures:
         found += _doubts_about_motion(solution)
+        layout = solution.held.state.walk.layout
+        asked = solution.given.options.scales_of(layout)
+        found += encoder_findings(solution.encoders, layout, asked.__getitem__)
     if not misfit:
         found += _doubts_about_noise(solution)
     return [*found, *_notes(solution)]

@@ -16,6 +16,7 @@ from calib_core.findings.codes import turntable as codes
 from calib_core.frames import FloatArray, skew
 from calib_core.messages import message
 from calib_core.records import Capture, Cell, Undetermined
+from calib_core.stages.axes_found import encoder_findings
 from calib_core.stages.tcp.verdict import is_beyond
 
 _UNDETERMINED_RAD = np.deg2rad(0.5)
@@ -240,17 +241,7 @@ def _on_it(table: TurntableSolution) -> np.ndarray:
 
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
     found = [table.pattern.finding] if table.pattern else []
-    layout = table.state.walk.layout
-    for number, scale in table.encoders.items():
-        if scale.significant and not table.options.scale_asked(number):
-            handled, axis = "applied" if scale.applied else "left", layout.named(number)
-            error, uncertainty = 100 * scale.error, 200 * scale.sigma
-            of = layout.axes[number].kind if axis else "one"
-            found.append(
-                codes.ENCODER_SCALE(
-                    of=of, axis=axis, handled=handled, error_percent=error, uncertainty_percent=uncertainty
-                )
-            )
+    found += encoder_findings(table.encoders, table.state.walk.layout, table.options.scale_asked)
     if (
         table.pattern is None
         and table.move is None
