@@ -69,8 +69,10 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
 def without_scanner(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     """Return that captures of a cell of several scanners name none, and whose they count as."""
     known = scanner_names(cell)
-    silent = [one.id for one in captures if one.scanner is None and not one.excluded] if len(known) > 1 else []
-    return [codes.CAPTURE_OF_NO_SCANNER(silent, scanner=known[0], known=", ".join(known))] if silent else []
+    silent = [one.id for one in captures if one.scanner is None and not one.excluded]
+    if len(known) < 2 or not silent:
+        return []
+    return [codes.CAPTURE_OF_NO_SCANNER(silent, scanner=known[0], known=", ".join(known))]
 
 
 def not_measured(failed: Mapping[str, CalibrationError], code: Code = codes.CAPTURE_NOT_MEASURED) -> list[Finding]:
