@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState, MovedAxis
+from calib_core.cell.layout import AxisState, Layout, MovedAxis
+from calib_core.cell.walk import Position
 from calib_core.chain.chain_data import ChainData
 from calib_core.chain.encoder_scales import EncoderScales
 from calib_core.chain.likelihood import fit
@@ -30,10 +31,24 @@ _TOLD = 2 * _HOPELESS  # log-likelihood: of the sense in which an axis counts, a
 
 @dataclass(frozen=True, eq=False)
 class MirrorImage:
-    """An answer on the other side of a plane of light, and by how much (natural logarithm) it is likelier."""
+    """An answer on the other side of a plane of light.
+
+    Attributes
+    ----------
+    state : ChainState
+    log_odds : float
+        By how much (natural logarithm) it is likelier.
+    lean_rad, apart_mm : float
+        How far at most an axis leans from its own one, and a ball at readings of zero lies from its own place.
+    by_sense : bool
+        Whether the sense in which axes count, which is not told, would tell them apart.
+    """
 
     state: ChainState
     log_odds: float
+    lean_rad: float
+    apart_mm: float
+    by_sense: bool
 
     @property
     def chance(self) -> float:
@@ -94,25 +109,26 @@ def mirror_image(
     images: list[MirrorImage] = []
     for scanner in np.unique(walk.scanner[riding]).tolist():
         image = _mirrored(data, found.state, scanner)
-        told = _as_told(image, directions) - _as_told(found.state, directions)
+        senses, own = _senses(image), _senses(found.state)
+        told = sum((senses.get(name, 0) - own.get(name, 0)) * way for name, way in directions.items())
         if told < 0:
             continue
         there = fit(data, image, found.sigmas)
         if is_settled(replace(found, minimum=there)):  # of one that ran away no cost means anything
             likelier = found.minimum.at.cost - there.at.cost
-            images.append(MirrorImage(there.state, likelier + (_TOLD if told else 0.0)))
+            flips = any(senses.get(name) == -way for name, way in own.items())
+            log_odds = likelier + (_TOLD if told else 0.0)
+            apart = _apart(found.state.position, there.state.position, walk.layout)
+            images.append(MirrorImage(there.state, log_odds, *apart, by_sense=flips))
     best = max(images, key=lambda one: one.log_odds, default=None)
     return None if best is None or best.log_odds < -_HOPELESS else best
 
 
-def _as_told(state: ChainState, directions: Mapping[str, int]) -> int:
-    """Return how many axes count in the sense that is told of them, less those that do not."""
-    count = 0
-    for edge, axis in zip(state.walk.layout.axes, state.position.axes, strict=True):
-        up = axis.rotation[2, 2]  # angles count right-handed about z
-        if edge.kind == "rotary" and edge.name in directions and abs(up) > LEVEL:
-            count += 1 if up * directions[edge.name] > 0 else -1
-    return count
+def _senses(state: ChainState) -> dict[str, int]:
+    """Return in which sense rotary axes count that are not level, by their names."""
+    edges = zip(state.walk.layout.axes, state.position.axes, strict=True)
+    ups = {edge.name: axis.rotation[2, 2] for edge, axis in edges if edge.kind == "rotary"}
+    return {name: 1 if up > 0 else -1 for name, up in ups.items() if abs(up) > LEVEL}
 
 
 def _mirrored(data: ChainData, state: ChainState, scanner: int) -> ChainState:
@@ -121,37 +137,60 @@ def _mirrored(data: ChainData, state: ChainState, scanner: int) -> ChainState:
     normal, origin = at.mount_rotations[scanner][:, 1], at.mount_translations[scanner]
     mirror = np.eye(3) - 2 * np.outer(normal, normal)
     axes, places = list(at.axes), at.places.copy()
-    for a, (edge, axis) in enumerate(zip(layout.axes, at.axes, strict=True)):
-        if edge.carries != "object" or not layout.rides[:, a].any():
-            continue
-        rotary = edge.kind == "rotary"
+    for a in layout.carrying:
+        axis, rotary = at.axes[a], layout.axes[a].kind == "rotary"
         z = mirror @ axis.rotation[:, 2] * (-1 if rotary else 1)  # a mirrored turn counts the other way
         point = mirror @ (axis.origin - origin) + origin
         axes[a] = AxisState(with_third(z), point if rotary else axis.origin, axis.scale)
         for n in layout.on_axis(a):
-            in_base = at.places[n] @ axis.rotation.T + axis.origin if rotary else at.places[n]
-            there = mirror @ (in_base - origin) + origin
+            there = mirror @ (_in_base(at, layout, n, a) - origin) + origin
             places[n] = (there - point) @ axes[a].rotation if rotary else there
     return ChainState.at(data, replace(at, places=places, axes=tuple(axes)))
+
+
+def _apart(at: Position, there: Position, layout: Layout) -> tuple[float, float]:
+    """Return how far at most axes lean from those of another answer, rad, and balls lie from theirs, mm."""
+    lean_rad = apart_mm = 0.0
+    for a in layout.carrying:
+        one, other = at.axes[a].rotation[:, 2], there.axes[a].rotation[:, 2]
+        lean_rad = max(lean_rad, float(np.arcsin(min(1.0, np.linalg.norm(np.cross(one, other))))))
+        for n in layout.on_axis(a):
+            apart_mm = max(
+                apart_mm, float(np.linalg.norm(_in_base(there, layout, n, a) - _in_base(at, layout, n, a)))
+            )
+    return lean_rad, apart_mm
+
+
+def _in_base(at: Position, layout: Layout, place: int, axis: int) -> FloatArray:
+    """Return where a ball on an axis is in base at readings of zero."""
+    own = at.axes[axis]
+    rotary = layout.axes[axis].kind == "rotary"
+    return own.rotation @ at.places[place] + own.origin if rotary else at.places[place]
 
 
 def mirror_spread(data: ChainData, state: ChainState, image: MirrorImage | None) -> FloatArray:
     """Return what a mirror image adds to the covariance of the edges' unknowns, (P, P)."""
     layout, step = data.walk.layout, np.zeros(data.unknowns)
-    each = () if image is None else zip(layout.axes, state.position.axes, image.state.position.axes, strict=True)
-    for a, (edge, axis, there) in enumerate(each):
-        if edge.carries != "object":
-            continue
+    if image is None:
+        return np.outer(step, step)
+    at, mirrored = state.position, image.state.position
+    for a in layout.carrying:
+        axis, there = at.axes[a], mirrored.axes[a]
+        rotary = layout.axes[a].kind == "rotary"
         z, other = axis.rotation[:, 2], there.rotation[:, 2]
         other = other if other @ z > 0 else -other
-        columns = layout.axis(a).start
-        step[columns : columns + 2] = (axis.rotation.T @ np.cross(z, other))[:2]
-        if edge.kind == "rotary":
+        turn, shift = axis.rotation.T @ np.cross(z, other), np.zeros(3)
+        if rotary:
             across = there.origin - axis.origin
-            across = across - other * (other @ across)
-            step[columns + 2 : columns + 4] = (axis.rotation.T @ across)[:2]
+            shift[:2] = (axis.rotation.T @ (across - other * (other @ across)))[:2]
+        columns = layout.axis(a).start
+        step[columns : columns + 4] = [*turn[:2], *shift[:2]]
+        for n in layout.on_axis(a):
+            off = _in_base(mirrored, layout, n, a) - _in_base(at, layout, n, a)
+            own = axis.rotation.T @ off - np.cross(turn, at.places[n]) - shift
+            step[layout.place(n)] = own if rotary else off
     step[data.held] = 0.0
-    return (0.0 if image is None else image.chance) * np.outer(step, step)
+    return image.chance * np.outer(step, step)
 
 
 def with_spread(covariance: FloatArray, spread: FloatArray) -> FloatArray:

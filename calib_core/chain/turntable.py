@@ -93,7 +93,7 @@ class TurntableSolution:
         How far the captures of the table see the tool elsewhere than those of the stage before.
     mirror : TableCovariance or None
         The part of `covariance` that is due to the answer mirrored at the plane of light.
-    mirror_chance : float
+    image : MirrorImage or None
         How likely that answer is.
     by_arm_mm : float
         How much those of the stage before scatter alike: the arm, not the table.
@@ -118,7 +118,7 @@ class TurntableSolution:
     move: TableMove | None = None
     tool_move: ToolMove | None = None
     mirror: TableCovariance | None = None
-    mirror_chance: float = 0.0
+    image: MirrorImage | None = None
     by_arm_mm: float = 0.0
 
     @property
@@ -235,7 +235,7 @@ def solve_turntable(
         move=errors.move,
         tool_move=move,
         mirror=mirror_of(spread, state, options.direction),
-        mirror_chance=image.chance if image else 0.0,
+        image=image,
         by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )
 

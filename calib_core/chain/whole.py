@@ -157,7 +157,7 @@ def solve_chain(
         tool_move=turntable.tool_move,
         by_arm_mm=turntable.by_arm_mm,
         mirror=mirror,
-        mirror_chance=image.chance if image else 0.0,
+        image=image,
     )
     layout = judged.data.walk.layout
     size = layout.axis_and_places(layout.table)

@@ -1,6 +1,7 @@
 """Planned poses as a list for the controller: numbers in the user's convention, each with its approach."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,7 +33,8 @@ class PoseOfSet(Record):
 
     `uncertainty_mm` is at the workpiece. `approach_numbers` is where its approach begins, straight away from the
     sphere; null where the tool is not known well enough to move by. Of a pose for the turntable, `table_deg` is
-    the table's angle, `mount` the sphere's place and `higher_mm` how much higher it is to be fixed before;
+    the table's angle, `mount` the sphere's place and `higher_mm` how much higher it is to be fixed before; where
+    spheres' sizes differ, `mount` of a pose that verifies is the sphere's name;
     `axes_deg` and `axes_mm` are where a cell's named axes are to stand, `scanner` is whose capture it is.
     """
 
@@ -78,7 +80,12 @@ def planned_poses(
     if _as_solved(session.cell, results, step):
         known = solved_cell(session, measured, results)
         if known is not None or step == "turntable":
-            return _of_solved(session, _solved(known, results), captures, step)
+            known = _solved(known, results)
+            if step == "verify":
+                places = zip(known.mounts, known.layout.places, known.position.places, strict=True)
+                mounts = [mount or _ball_at(session.cell, results, on, at) for mount, (on, _), at in places]
+                known = replace(known, mounts=mounts)
+            return _of_solved(session, known, captures, step)
     if step == "turntable":
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
@@ -99,11 +106,29 @@ def planned_poses(
         _listed(session, situation, pose, sure, situation.assumed.center_mm, sigma)
         for pose, sigma in zip(plan.poses.poses, plan.after_mm.tolist(), strict=True)
     ]
+    if step == "verify":
+        on, at = situation.room.sight.carriers.ball, situation.assumed.center_mm
+        mount = _ball_at(session.cell, results, on, at) or None
+        poses = [one.model_copy(update={"mount": mount}) for one in poses]
     found = _list_of(session, step, poses, sure)
     if situation.with_arm is None:
         return found
     reached = message("{note} The arm's joints reach each of them.", note=found.note)
     return found.model_copy(update={"note": reached})
+
+
+def _ball_at(cell: Cell, results: ResultsData, on: str, at_mm: FloatArray) -> str:
+    """Return the name of the ball at a place where sizes differ, and a capture tells which it shows; else none."""
+    if len({ball.diameter_mm for ball in cell.spheres or []}) < 2:
+        return ""
+    balls = next((own for stage in tool_stages() if (own := (results.get(stage) or {}).get("spheres"))), [])
+    told = {ball.name for ball in cell.spheres or []}
+    off_mm: dict[str, float] = {
+        ball["name"]: float(np.linalg.norm(np.array(ball["center_mm"], dtype=float) - at_mm))
+        for ball in balls
+        if ball["in"] == on and ball["name"] in told and None not in ball["center_mm"]
+    }
+    return min(off_mm, key=off_mm.__getitem__, default="")
 
 
 def _as_solved(cell: Cell, results: ResultsData, step: PlannedStep) -> bool:

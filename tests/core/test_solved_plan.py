@@ -13,8 +13,8 @@ from calib_core.guidance.pose_list import PoseList, planned_poses
 from calib_core.library.opened import in_memory
 from calib_core.records import Measured, Session
 from calib_core.records.base import PlannedStep
-from calib_core.simulation import TOPOLOGY_SCENARIOS
-from calib_core.simulation.topology import TopologyWorld, build_topology
+from calib_core.simulation import TOPOLOGY_SCENARIOS, TopologyScenario
+from calib_core.simulation.topology import BallOptions, TopologyWorld, build_topology
 from calib_core.simulation.topology_cell import simulate_topology
 
 SEED = 3
@@ -137,3 +137,20 @@ def test_where_the_answer_failed_that_is_said(name: str, step: PlannedStep) -> N
     failed = {stage: {**result, "verdict": "fail"} for stage, result in results.items()}
     with pytest.raises(ConflictError, match=r"got one that failed: '.*Do what its findings say"):
         planned_poses(session, measured, failed, 4, step)
+
+
+def test_where_sizes_differ_a_pose_that_verifies_names_its_ball() -> None:
+    balls = (
+        BallOptions("small", diameter_mm=30.0),
+        BallOptions("large", at_mm=(850.0, 60.0, 470.0), diameter_mm=50.0),
+    )
+    made = TopologyScenario("sizes", balls=balls, told="names")
+    session, files, truth = simulate_topology(made, "drawn", SEED)
+    results = {"tcp": in_memory(session, files).run("tcp")["tcp"].to_json()}
+    measured = [measure_capture(session, capture, files.__getitem__) for capture in session.captures]
+    centers = {ball["name"]: np.array([*ball["center_mm"], 1.0]) for ball in truth["spheres"]}
+    poses = planned_poses(session, measured, results, 4, "verify").poses
+    for pose in poses:
+        laser = np.linalg.inv(np.array(pose.base_from_tool0) @ np.array(truth["tool0_from_laser"]))
+        assert pose.mount is not None
+        assert abs((laser @ centers[pose.mount])[1]) < 15.0

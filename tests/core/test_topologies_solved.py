@@ -17,7 +17,8 @@ from calib_core.exports.workpiece import at_workpiece
 from calib_core.frames import RigidTransform
 from calib_core.library.opened import in_memory
 from calib_core.records import Session
-from calib_core.simulation import TOPOLOGY_SCENARIOS, TcpScenario, TopologyScenario
+from calib_core.records.described import DescribedCell
+from calib_core.simulation import TOPOLOGY_SCENARIOS, TcpScenario, TopologyScenario, simulate_described
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.evidence import text_of
@@ -276,6 +277,23 @@ def test_a_slide_before_two_scanners_of_nearly_one_plane_of_light_is_told_from_i
     assert squared < CHI2[freedom]
     assert error_deg < 0.1  # it was 2.3°
     assert not {"axis-place-undetermined", "axis-mirrored"} & {one.code for one in result.findings}
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_a_ball_on_a_slide_may_be_on_the_other_side_of_the_plane_of_light(told: bool) -> None:
+    axes, arrangement = [{"name": "slide", "kind": "linear"}], "sphere-on-robot"
+    cell = {"arrangement": arrangement, "axes": axes, "sphere_diameter_mm": 40.0}
+    made = simulate_described(DescribedCell.model_validate(cell), "slide", 12)
+    captures = [one if told else one.model_copy(update={"side": None}) for one in made.session.captures]
+    result = in_memory(made.session.model_copy(update={"captures": captures}), made.files).run("chain")["chain"]
+    frame = next(one for one in result.frames if one.outof == "turntable")
+    ball = next(one for one in made.truth["spheres"] if one["name"] == "ball2")
+    off = np.array(frame.matrix)[:3, 3] - ball["center_mm"]
+    assert off @ np.linalg.solve(np.array(frame.covariance)[3:, 3:], off) < CHI2[6]
+    assert (np.linalg.norm(off) < 1.0) == told  # mirrored it lies 15 mm elsewhere, and leans by 0.5° only
+    assert result.verdict == ("pass" if told else "fail")
+    to_do = "".join(one.to_do for one in result.findings if one.code == "axis-mirrored")
+    assert ("side: 1" in to_do, "direction" in to_do) == (not told, False)
 
 
 def test_a_slide_read_far_from_zero_starts_on_the_side_that_one_capture_tells() -> None:

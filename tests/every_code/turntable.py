@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.encoder_scales import EncoderScale
+from calib_core.chain.mirrored import MirrorImage
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_given import KnownTool
@@ -119,14 +120,12 @@ def of_covariance(**variances: float) -> Case:
     return changed(change)
 
 
-def mirrored(lean_deg: float) -> Case:
+def mirrored(lean_deg: float, apart_mm: float) -> Case:
     """Return what is noticed of an axis that may be its mirror image, so far off."""
 
     def change(found: TurntableSolution) -> TurntableSolution:
-        spread = np.diag([np.deg2rad(lean_deg) ** 2 / 2, 0.0, 0.0])
-        both_ways = replace(found.covariance, axis_direction=spread, axis_point=np.zeros((3, 3)))
-        own = replace(found.covariance, axis_direction=found.covariance.axis_direction + spread)
-        return replace(found, covariance=own, mirror=both_ways, mirror_chance=0.5)
+        state = whole()[0].tcp.held.state
+        return replace(found, image=MirrorImage(state, 0.0, np.deg2rad(lean_deg), apart_mm, by_sense=False))
 
     return changed(change)
 
@@ -230,7 +229,7 @@ CASES: dict[str, tuple[Case, Case]] = {
         of_covariance(axis_direction=np.deg2rad(0.51) ** 2),
         of_covariance(axis_direction=np.deg2rad(0.49) ** 2),
     ),
-    "axis-mirrored": (mirrored(0.51), mirrored(0.49)),
+    "axis-mirrored": (mirrored(0.0, 3.1), mirrored(0.49, 2.9)),
     "table-without-base": (seen_alone("turntable", known=False), seen_alone("turntable", known=True)),
     "scanner-left-to-chain": (seen_late("low", "low", "high"), seen_late("low", "low")),
     "scanner-not-placed": (seen_late("low", "low"), seen_late("low", "low", "high")),

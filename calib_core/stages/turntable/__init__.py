@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 16  # what carries the sphere has play where no robot is on the way
+    method_revision = 17  # the ± has room for spheres on the other side of the plane of light
     step = CaptureStep(
         "turntable",
         "Turntable",

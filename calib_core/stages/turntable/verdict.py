@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.causes.table import axis_direction_findings, direction_findings
 from calib_core.cell.carriers import carrier_of_all
+from calib_core.chain.mirrored import MirrorImage
 from calib_core.chain.observations import TableObservations, named
 from calib_core.chain.table_frame import TableCovariance
 from calib_core.chain.table_reasons import remounted, table_reasons
@@ -49,8 +50,9 @@ def _undetermined(table: TurntableSolution, known_in: str) -> list[Finding]:
     sure = _without_mirror(table)
     tilts, shifts = _open_tilts(sure), _open_shifts(sure)
     found: list[Finding] = []
-    if (lean_rad := _mirrored_rad(table)) > _UNDETERMINED_RAD:
-        found.append(codes.AXIS_MIRRORED(lean_deg=float(np.rad2deg(lean_rad)), known_in=known_in))
+    if image := _mirrored(table):
+        lean_deg, told_by = float(np.rad2deg(image.lean_rad)), known_in if image.by_sense else "side"
+        found.append(codes.AXIS_MIRRORED(lean_deg=lean_deg, apart_mm=image.apart_mm, known_in=told_by))
     if tilts:
         axes = ", ".join(f"{_words(axis)} (±{_degrees(value)})" for value, axis in tilts)
         found.append(codes.AXIS_TILT_OPEN(axes=axes, uncertainty_deg=_two_sigma_deg(tilts[-1][0])))
@@ -72,11 +74,12 @@ def _without_mirror(table: TurntableSolution) -> TableCovariance:
     )
 
 
-def _mirrored_rad(table: TurntableSolution) -> float:
-    """Return by how much a mirrored axis that is to be reckoned with leans from the stated one, else 0."""
-    if table.mirror is None or table.mirror_chance < _MIRRORED_CHANCE:
-        return 0.0
-    return table.mirror.axis_direction_sigma_rad / float(np.sqrt(table.mirror_chance))
+def _mirrored(table: TurntableSolution) -> MirrorImage | None:
+    """Return the mirrored answer where it is to be reckoned with and is another one."""
+    image = table.image
+    if image is None or image.chance < _MIRRORED_CHANCE:
+        return None
+    return image if image.lean_rad > _UNDETERMINED_RAD or image.apart_mm > _UNDETERMINED_MM else None
 
 
 def _open_tilts(covariance: TableCovariance) -> list[tuple[float, FloatArray]]:
@@ -93,13 +96,16 @@ def undetermined_of_table(table: TurntableSolution) -> list[Undetermined]:
     """Return the directions in which the axis is not fixed: tilts beyond 0.5°, shifts beyond 3 mm."""
     found: list[Undetermined] = []
     covariance = _without_mirror(table)
-    if table.mirror is not None and _mirrored_rad(table) > _UNDETERMINED_RAD:
-        lean = np.linalg.eigh(table.mirror.axis_direction)[1][:, -1]
+    if table.mirror is not None and (image := _mirrored(table)):
+        leans = image.lean_rad > _UNDETERMINED_RAD
+        off = np.linalg.eigh(table.mirror.axis_direction if leans else table.mirror.axis_point)[1][:, -1]
         said = message(
             "the axis may be its mirror image at the plane of light: tell in which sense its readings count, or "
             "the side of one capture"
         )
-        found.append(Undetermined(direction=lean.tolist(), description=str(said)))
+        if not image.by_sense:
+            said = message("the axis may be its mirror image at the plane of light: tell the side of one capture")
+        found.append(Undetermined(direction=off.tolist(), description=str(said)))
     for value, axis in _open_tilts(covariance):
         said = message(
             "the axis may lean towards {axis} (±{tilt}): capture the sphere all around, well off the axis and at "
