@@ -18,7 +18,7 @@ from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Capture, Cell
+from calib_core.records import Capture, Cell, ResultsData
 from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
 from calib_core.records.results import FoundFrame
 from calib_core.records.topology import FoundAxis, KnownFrame
@@ -266,3 +266,17 @@ def carriers_found(result: Mapping[str, Any]) -> Carriers:
 def on_flange(mount_from_laser: RigidTransform) -> bool:
     """Return whether a scanner's pose is that of one on the flange."""
     return mount_from_laser.into == "tool0"
+
+
+def ball_at(cell: Cell, results: ResultsData, on: str, at_mm: FloatArray) -> str:
+    """Return the name of the ball at a place where sizes differ, and a capture tells which it shows; else none."""
+    if len({ball.diameter_mm for ball in cell.spheres or []}) < 2:
+        return ""
+    balls = next((own for stage in tool_stages() if (own := (results.get(stage) or {}).get("spheres"))), [])
+    told = {ball.name for ball in cell.spheres or []}
+    off_mm: dict[str, float] = {
+        ball["name"]: float(np.linalg.norm(np.array(ball["center_mm"], dtype=float) - at_mm))
+        for ball in balls
+        if ball["in"] == on and ball["name"] in told and None not in ball["center_mm"]
+    }
+    return min(off_mm, key=off_mm.__getitem__, default="")

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.cell.axes import TABLE, names_axes, robot_on_axes
 from calib_core.cell.carriers import ball_on_flange, scanner_names
-from calib_core.cell.found import turns_little
+from calib_core.cell.found import ball_at, turns_little
 from calib_core.errors import ConflictError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
@@ -83,7 +83,7 @@ def planned_poses(
             known = _solved(known, results)
             if step == "verify":
                 places = zip(known.mounts, known.layout.places, known.position.places, strict=True)
-                mounts = [mount or _ball_at(session.cell, results, on, at) for mount, (on, _), at in places]
+                mounts = [mount or ball_at(session.cell, results, on, at) for mount, (on, _), at in places]
                 known = replace(known, mounts=mounts)
             return _of_solved(session, known, captures, step)
     if step == "turntable":
@@ -108,27 +108,13 @@ def planned_poses(
     ]
     if step == "verify":
         on, at = situation.room.sight.carriers.ball, situation.assumed.center_mm
-        mount = _ball_at(session.cell, results, on, at) or None
+        mount = ball_at(session.cell, results, on, at) or None
         poses = [one.model_copy(update={"mount": mount}) for one in poses]
     found = _list_of(session, step, poses, sure)
     if situation.with_arm is None:
         return found
     reached = message("{note} The arm's joints reach each of them.", note=found.note)
     return found.model_copy(update={"note": reached})
-
-
-def _ball_at(cell: Cell, results: ResultsData, on: str, at_mm: FloatArray) -> str:
-    """Return the name of the ball at a place where sizes differ, and a capture tells which it shows; else none."""
-    if len({ball.diameter_mm for ball in cell.spheres or []}) < 2:
-        return ""
-    balls = next((own for stage in tool_stages() if (own := (results.get(stage) or {}).get("spheres"))), [])
-    told = {ball.name for ball in cell.spheres or []}
-    off_mm: dict[str, float] = {
-        ball["name"]: float(np.linalg.norm(np.array(ball["center_mm"], dtype=float) - at_mm))
-        for ball in balls
-        if ball["in"] == on and ball["name"] in told and None not in ball["center_mm"]
-    }
-    return min(off_mm, key=off_mm.__getitem__, default="")
 
 
 def _as_solved(cell: Cell, results: ResultsData, step: PlannedStep) -> bool:
