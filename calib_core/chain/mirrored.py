@@ -8,6 +8,7 @@ covariance has room for it, unless the sense in which the axis counts tells them
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from calib_core.frames import FloatArray, with_third
 _HOPELESS = 12.0  # log-likelihood
 _PLAUSIBLE_MM = 2.0  # captures that scatter more fit neither way
 _LIKELIER = 0.5  # log-likelihood: less is no reason to change sides
+_REACH_MM = 100.0  # from the axis to what stands before the scanner
 _TOLD = 2 * _HOPELESS  # log-likelihood: of the sense in which an axis counts, as told
 
 
@@ -75,16 +77,20 @@ def likelier_side(
     """Return captures judged from a start and a core of them, or from its mirror image; and the other image."""
     judged = judge(start, core)
     image = mirror_image(observations, judged[0].data, judged[0].fit, directions)
-    if image is None or image.log_odds < _LIKELIER:
-        return judged, image
-    judged = judge(image.state, judged[0].used)
-    return judged, mirror_image(observations, judged[0].data, judged[0].fit, directions)
+    for _ in start.walk.layout.places:  # each ball alone may be on the other side
+        if image is None or image.log_odds < _LIKELIER:
+            break
+        judged = judge(image.state, judged[0].used)
+        image = mirror_image(observations, judged[0].data, judged[0].fit, directions)
+    return judged, image
 
 
 def mirror_image(
     observations: Observations, data: ChainData, found: ChainFit, directions: Mapping[str, int]
 ) -> MirrorImage | None:
-    """Return the likeliest mirror image of a fit; None where captures, or what is told, leave no doubt.
+    """Return the likeliest mirror image of a fit, of those that are not likelier the one that would change most.
+
+    None where captures, or what is told, leave no doubt.
 
     Parameters
     ----------
@@ -96,32 +102,31 @@ def mirror_image(
     """
     walk = data.walk
     riding: np.ndarray = np.any(walk.layout.rides[walk.place], axis=1)
-    sided = any(
-        o.kind != "profile" or o.side is not None for o, on in zip(observations, riding, strict=True) if on
-    )
-    if (
-        not riding.any()
-        or walk.over_robot[riding].any()
-        or sided
-        or found.sigmas.largest_position_mm > _PLAUSIBLE_MM
-    ):
+    told_side = np.array([o.kind != "profile" or o.side is not None for o in observations])
+    sided: list[int] = np.unique(walk.place[riding & told_side]).tolist()
+    if not riding.any() or walk.over_robot[riding].any() or found.sigmas.largest_position_mm > _PLAUSIBLE_MM:
         return None
     images: list[MirrorImage] = []
-    for scanner in np.unique(walk.scanner[riding]).tolist():
-        image = _mirrored(data, found.state, scanner)
+    balls: list[int] = np.unique(walk.place[riding]).tolist()
+    alone = [[n] for n in balls if n not in sided] if len(balls) > 1 else []
+    scanners: list[int] = np.unique(walk.scanner[riding]).tolist()
+    for scanner, some in product(scanners, alone if sided else [None, *alone]):
+        image = _mirrored(data, found.state, scanner, some)
         senses, own = _senses(image), _senses(found.state)
         told = sum((senses.get(name, 0) - own.get(name, 0)) * way for name, way in directions.items())
         if told < 0:
             continue
         there = fit(data, image, found.sigmas)
         if is_settled(replace(found, minimum=there)):  # of one that ran away no cost means anything
-            likelier = found.minimum.at.cost - there.at.cost
             flips = any(senses.get(name) == -way for name, way in own.items())
-            log_odds = likelier + (_TOLD if told else 0.0)
+            log_odds = found.minimum.at.cost - there.at.cost + (_TOLD if told else 0.0)
             apart = _apart(found.state.position, there.state.position, walk.layout)
             images.append(MirrorImage(there.state, log_odds, *apart, by_sense=flips))
-    best = max(images, key=lambda one: one.log_odds, default=None)
-    return None if best is None or best.log_odds < -_HOPELESS else best
+    plausible = [one for one in images if one.log_odds >= -_HOPELESS]
+    likelier = [one for one in plausible if one.log_odds >= _LIKELIER]
+    if likelier:
+        return max(likelier, key=lambda one: one.log_odds)
+    return max(plausible, key=lambda one: one.chance * (one.apart_mm + _REACH_MM * one.lean_rad), default=None)
 
 
 def _senses(state: ChainState) -> dict[str, int]:
@@ -131,8 +136,8 @@ def _senses(state: ChainState) -> dict[str, int]:
     return {name: 1 if up > 0 else -1 for name, up in ups.items() if abs(up) > LEVEL}
 
 
-def _mirrored(data: ChainData, state: ChainState, scanner: int) -> ChainState:
-    """Return axes under the object and their balls mirrored at a scanner's plane of light."""
+def _mirrored(data: ChainData, state: ChainState, scanner: int, some: Sequence[int] | None) -> ChainState:
+    """Return axes under the object and their balls mirrored at a scanner's plane of light, or some balls alone."""
     layout, at = state.walk.layout, state.position
     normal, origin = at.mount_rotations[scanner][:, 1], at.mount_translations[scanner]
     mirror = np.eye(3) - 2 * np.outer(normal, normal)
@@ -141,10 +146,13 @@ def _mirrored(data: ChainData, state: ChainState, scanner: int) -> ChainState:
         axis, rotary = at.axes[a], layout.axes[a].kind == "rotary"
         z = mirror @ axis.rotation[:, 2] * (-1 if rotary else 1)  # a mirrored turn counts the other way
         point = mirror @ (axis.origin - origin) + origin
-        axes[a] = AxisState(with_third(z), point if rotary else axis.origin, axis.scale)
+        if some is None:
+            axes[a] = AxisState(with_third(z), point if rotary else axis.origin, axis.scale)
         for n in layout.on_axis(a):
+            if some is not None and n not in some:
+                continue
             there = mirror @ (_in_base(at, layout, n, a) - origin) + origin
-            places[n] = (there - point) @ axes[a].rotation if rotary else there
+            places[n] = (there - axes[a].origin) @ axes[a].rotation if rotary else there
     return ChainState.at(data, replace(at, places=places, axes=tuple(axes)))
 
 

@@ -10,6 +10,8 @@ import pytest
 import calib_core as cc
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Session
+from calib_core.records.described import DescribedCell
+from calib_core.simulation import simulate_described
 from server.cli import main
 from server.scenes.scene_input import SceneInput
 from server.scenes.scene_model import scene_facts
@@ -114,3 +116,18 @@ def test_captures_whose_pose_does_not_matter_have_their_place_in_the_scene() -> 
 def test_without_that_sense_the_axis_is_not_determined() -> None:
     result = _session({}).run("turntable")["turntable"]
     assert [one.code for one in result.findings if one.severity == "error"] == ["axis-mirrored"]
+
+
+@pytest.mark.parametrize("seed", [3, 14])
+def test_a_ball_that_no_capture_sides_is_where_it_is_beside_one_that_is_sided(seed: int) -> None:
+    """It stayed on the other side, as one told side ended the search: the table "moved", or the chain failed."""
+    told = DescribedCell.model_validate({
+        "scanner": {"near_mm": 130, "far_mm": 230, "near_width_mm": 80},
+        "arrangement": "sphere-on-robot",
+        "axes": [{"name": "turn", "kind": "rotary"}],
+    })  # fmt: skip
+    made = simulate_described(told, "fixed-turn", seed)
+    result = in_memory(made.session, made.files).run("turntable")["turntable"]
+    assert result.verdict == "pass"
+    off = np.linalg.norm(np.cross(result.axes[0].axis_direction, made.truth["axes"][0]["axis_direction"]))
+    assert off < np.deg2rad(0.3)  # ± 0.1° each way
