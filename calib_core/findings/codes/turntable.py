@@ -19,19 +19,19 @@ AXIS_MIRRORED = Code(
     text="Not determined: the axis, mirrored at the scanner's plane of light, fits the captures as well; it leans by "
     "{lean_deg:.1f}° from the stated one, and spheres on it lie up to {apart_mm:.1f} mm elsewhere.",
     to_do={
-        "base": "Tell of one capture on the table on which side of the plane of light the sphere's centre is (side: 1 "
+        "base": "Tell of one capture of each mounting on which side of the plane of light the sphere's centre is (side: 1 "
         "or −1 along the scanner's y), or in which sense the table's angles count (turntable.direction).",
-        "axis": "Tell of one capture on the axis on which side of the plane of light the sphere's centre is (side: 1 "
+        "axis": "Tell of one capture of each mounting on which side of the plane of light the sphere's centre is (side: 1 "
         "or −1 along the scanner's y), or in which sense the axis's readings count (direction in axes).",
-        "scanner": "Tell of one capture on the table on which side of the plane of light the sphere's centre is "
+        "scanner": "Tell of one capture of each mounting on which side of the plane of light the sphere's centre is "
         "(side: 1 or −1 along the scanner's y).",
-        "side": "Tell of one capture on the axis on which side of the plane of light the sphere's centre is "
+        "side": "Tell of one capture of each mounting on which side of the plane of light the sphere's centre is "
         "(side: 1 or −1 along the scanner's y).",
     },
     by_to_do="known_in",
     meaning="A scanner that stands still before an axis sees the same profiles of the mirrored axis and spheres. A "
     "part that is merged by the mirrored answer is the part's mirror image.",
-    decided="Only profiles of scanners that stand still show the axis, no capture's side is told, the mirrored "
+    decided="Only profiles of scanners that stand still show the axis, a mounting has no capture whose side is told, the mirrored "
     "answer has a chance of 1 % or more, and both lie more than 0.5° or 3 mm apart.",
     usual_causes="A scanner that stands still before a turntable.",
     fixed=True,
