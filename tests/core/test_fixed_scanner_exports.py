@@ -173,5 +173,6 @@ def test_scanners_are_told_by_the_stage_that_answers_whatever_was_solved_first()
     both = {"tcp": shown[0], "chain": chain}
     content, entry = export(SESSION, both, "kuka", settings={"of_scanner": "right"})
     near(frames_in(content, entry.suffix, "kuka")[0], TABLE, "kuka")
-    told = answer_record(answer_of(SESSION, both)).to_json()
+    cell = SESSION.cell.model_copy(update={"scanners": {"left": {}, "right": {"on": "base"}}})
+    told = answer_record(answer_of(SESSION.model_copy(update={"cell": cell}), both)).to_json()
     assert [frame["matrix"] for frame in told["frames"]] == [frame["matrix"] for frame in chain["frames"]]

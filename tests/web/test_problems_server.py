@@ -74,13 +74,13 @@ def solve_and_fail(visitor: Visitor, client: httpx.Client, kind: str) -> None:
 @provokes("conflict")
 def test_nothing_is_left_to_capture(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("status of 409")
-    gantry = simulated_session(api, captures=14, scenario="gantry")  # has no more than these
-    with visiting(profile, api, f"/sessions/{gantry}") as visitor:
-        expect(visitor.rows).to_have_count(14)
+    sweeps = simulated_session(api, captures=6, scenario="tcp-sweep")  # has no more than these
+    with visiting(profile, api, f"/sessions/{sweeps}") as visitor:
+        expect(visitor.rows).to_have_count(6)
         visitor.page.keyboard.press("Space")
         visitor.told("conflict")
         visitor.picture("conflict")
-        expect(visitor.rows).to_have_count(14)
+        expect(visitor.rows).to_have_count(6)
 
 
 @provokes("input")

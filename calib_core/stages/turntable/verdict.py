@@ -181,9 +181,11 @@ def _doubts_about_captures(table: TurntableSolution, observations: TableObservat
 
 def scanner_move_not_checked(captures: Sequence[Capture], still: Container[str]) -> list[Finding]:
     """Return that nothing shows whether scanners that stand still moved before the table was captured."""
-    own = [capture for capture in captures if not capture.excluded and (capture.scanner or "") in still]
-    steps = [capture.step for capture in own if capture.step in ("tcp", "turntable")]
-    if "tcp" not in steps or steps[0] == steps[-1] == "tcp":
+    own = [capture.step for capture in captures if not capture.excluded and (capture.scanner or "") in still]
+    at_rest = [place for place, step in enumerate(own) if step == "tcp"]
+    on_table = [place for place, step in enumerate(own) if step == "turntable"]
+    around = bool(at_rest and on_table) and at_rest[0] < on_table[0] and at_rest[-1] > on_table[-1]
+    if not at_rest or around:
         return []
     return [codes.SCANNER_MOVE_NOT_CHECKED()]
 
