@@ -156,10 +156,10 @@ def test_words_of_the_scene_that_come_while_others_are_asked_for_are_asked_for_t
         let asked = 0, told;
         const all = new Promise((done) => { told = done; });
         const fetched = window.fetch;
-        window.fetch = (...given) => { if (!asked++) say("turntable axis"); return fetched(...given); };
-        const say = sayer(() => { if (say("turntable axis") !== "turntable axis") told(); });
+        window.fetch = (...given) => { if (!asked++) say("Turntable"); return fetched(...given); };
+        const say = sayer(() => { if (say("Turntable") !== "Turntable") told(); });
         say("next pose");
         await all;
-        return [say("next pose"), say("turntable axis")];
+        return [say("next pose"), say("Turntable")];
     }""")
-    assert words == ["nächste Pose", "Drehtischachse"]
+    assert words == ["nächste Pose", "Drehtisch"]
