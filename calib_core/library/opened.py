@@ -84,7 +84,9 @@ class OpenSession:
         return self.record.captures
 
     def run(self, stage: str = "all", progress: Progress | None = None) -> Results:
-        """Solve a stage, or all that there are captures for; return the results, which `results` keeps too.
+        """Solve a stage, or all that there are captures for; return the results.
+
+        `results` keeps them too, also what was solved before a later stage was refused.
 
         Raises
         ------
@@ -93,8 +95,11 @@ class OpenSession:
         """
         from calib_core.stages.pipeline import run
 
-        found = run(self.record, self.read, stage, progress, self._store)
-        self.results.update(found)
+        found: dict[str, Result] = {}
+        try:
+            found = run(self.record, self.read, stage, progress, self._store, found)
+        finally:  # what is solved is kept though a later stage is refused
+            self.results.update(found)
         return Results(found, self.files)
 
     def check(self) -> list[Finding]:
