@@ -11,7 +11,7 @@ import { did } from "../state/undo.js";
 import { draftKey, freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "../components/base.js";
 import { addedWithReason } from "./add-reason.js";
-import { keep } from "./removed-captures.js";
+import { tellSent } from "./removed-captures.js";
 import { imageOf, matchTable, numbersOf, pictureOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
@@ -20,7 +20,7 @@ import { attempt, notify } from "../components/toasts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, ParsedPose} from "../state/model.js" */
-/** @import {Outcome, Parcel} from "../state/upload.js" */
+/** @import {Parcel} from "../state/upload.js" */
 
 const READ_AFTER_MS = 200;
 /** From so many captures on a step may be solved at once. */
@@ -369,7 +369,7 @@ export class IntakePanelElement extends StateElement {
     try {
       const outcome = await send(this.state.id, parcels, this.#progress);
       if (outcome.sent.length) await this.state.reload();
-      this.#tell(outcome);
+      tellSent(this.state.id, outcome);
       return outcome;
     } finally {
       this.#isSending = false;
@@ -385,16 +385,6 @@ export class IntakePanelElement extends StateElement {
     await api.changeSession(this.state.id, { cell: { pose_convention: now } });
     const set = (/** @type {string | undefined} */ convention) => api.changeSession(this.state.id, { cell: { pose_convention: convention } });
     did(t("cell.changed"), () => set(before), { redo: () => set(now) });
-  }
-
-  /** @param {Outcome} outcome */
-  #tell({ sent, problems }) {
-    if (sent.length) {
-      const { remove, restore } = keep(this.state.id, sent);
-      did(plural(sent.length, "intake.sent_one", "intake.sent_many"), remove, { tell: true, redo: restore });
-    }
-    for (const problem of problems.slice(0, 1)) notify(problem, { bad: true });
-    if (problems.length > 1) notify(t("intake.more_problems", { count: problems.length - 1 }), { bad: true });
   }
 }
 
