@@ -93,10 +93,14 @@ def minimise(
     ------
     CalibrationError
         If the cost is not finite at the start.
+    LinAlgError
+        If the information there is not.
     """
     state, at = start, linearise(start)
     if not np.isfinite(at.cost):
         raise CalibrationError("finite residuals", "NaN or infinity", "Check the captures for impossible numbers.")
+    if not np.isfinite(at.hessian).all():  # LAPACK would complain on standard output, and give anything
+        raise np.linalg.LinAlgError("information that is not finite")
     damping = 0.0
     for iteration in range(1, most_iterations + 1):
         step = _limited(damped_step(at.hessian, at.gradient, damping), step_limit)

@@ -13,6 +13,7 @@ from calib_core.chain.observations import Observations, SphereObservation, Spher
 from calib_core.frames import FloatArray
 
 _MOST_POINTS = 128  # a profile's arc in steps of about a degree: finer ones say the same
+_EXACT_MM = 1e-9  # a radius known better is known: the information of less would be no number
 
 
 def chain_data(
@@ -170,7 +171,8 @@ def _nuisances(
     lines = {int(n) for o, n in zip(observations, of_scanner, strict=True) if len(o.points_in_laser_mm)}
     bows = [first[n] + scanner.NAMES.index("bow") - 1 for n in range(scanners) if n not in lines]
     sigmas[bows] = 0.0  # over a width that nobody knows, nothing is bowed
-    sigmas[radii] = [one.sigma_mm / 2 for one in sizes]
+    told = np.array([one.sigma_mm / 2 for one in sizes])
+    sigmas[radii] = np.where(told > _EXACT_MM, told, 0.0)
     return np.column_stack([np.array(radii)[size], errors]).astype(np.int64), kinds, sigmas
 
 

@@ -41,3 +41,13 @@ def test_noise_pulls_at_no_error_of_the_scanner(along: str) -> None:
     deviation = slope.sum(axis=0) / np.sqrt(np.diagonal(information.sum(axis=0)))
     assert len(deviation) == len(NAMES)
     assert np.abs(deviation).max() < 3
+
+
+def test_a_diameter_known_beyond_all_measure_is_known() -> None:
+    clouds = [cloud(np.random.default_rng(7), "z")]
+    told, exact = (
+        chain_data(clouds, SphereSize(2 * _RADIUS_MM, sigma_mm), None, ScannerPriors())
+        for sigma_mm in (1e-300, 0.0)
+    )
+    assert NAMES[0] not in [NAMES[n] for n in told.active]
+    np.testing.assert_array_equal(told.active, exact.active)

@@ -98,6 +98,14 @@ def test_a_start_without_finite_residuals_is_refused() -> None:
         minimise(linear(np.eye(1), np.array([np.nan])), add, np.zeros(1), np.ones(1))
 
 
+def test_a_start_whose_information_is_no_number_is_refused_before_anything_is_solved() -> None:
+    def endless(x: FloatArray) -> Problem:
+        return Problem(0.0, np.zeros(1), np.full((1, 1), np.inf))
+
+    with pytest.raises(np.linalg.LinAlgError, match="information"):
+        minimise(endless, add, np.zeros(1), np.ones(1))
+
+
 def test_a_step_into_nowhere_is_taken_back() -> None:
     def root(x: FloatArray) -> Problem:
         with np.errstate(invalid="ignore"):
