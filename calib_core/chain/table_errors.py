@@ -1,4 +1,4 @@
-"""What the answer of a table has no room for: a pattern in its angle, or a move in the course of the captures.
+"""What the answer of a table has no room for: a wobble (`table_patterns.py`), or a move on the way.
 
 Both look like each other; the one that chance explains less is named, unless a way that is an oval explains more:
 seven real positioners were "pushed" at the same angle.  The answer is less sure by what it did, also where so much

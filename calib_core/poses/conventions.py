@@ -1,4 +1,4 @@
-"""Every pose convention that a robot brand brings."""
+"""Every pose convention that a robot brand brings; `numbers.py` turns numbers into a pose by one."""
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property

@@ -1,4 +1,7 @@
-"""Token buckets: how much somebody may do in a time."""
+"""Token buckets: how much somebody may do in a time.
+
+The rates stand in `server/settings.py`; `middleware.py` and `refusals.py` take from the buckets.
+"""
 
 import time
 from collections import OrderedDict

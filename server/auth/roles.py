@@ -1,6 +1,7 @@
 """Roles, and the table of what each may do: every route with the least role that it takes.
 
-What stands in no row is the admin's alone, and a test fails for a route that nobody has put into one.
+`middleware.py` compares it with who asks.  What stands in no row is the admin's alone, and a test fails for a
+route that nobody has put into one.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""Names and origins, size limits and security headers of every request.
+"""Names and origins, and security headers of every request.
 
 A server on loopback is still reachable from any page in the user's browser.  Two checks keep those out: the Host
 header must be a name of this server (else a foreign name was pointed at 127.0.0.1), and what changes something, or
@@ -10,13 +10,12 @@ from socket import gethostname
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from calib_core.errors import CalibrationError, TooLargeError
+from calib_core.errors import CalibrationError
 from server.http.errors import ForbiddenError, refuse
+from server.http.request_size import RequestSize
 from server.http.same_origin import is_safe, is_same_origin
-from server.http.uploads import comes_in_pieces
 from server.settings import Settings, is_loopback
 
 _PAGE = "; ".join(
@@ -51,8 +50,7 @@ class SecurityHeaders:
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
-        self._max_bytes = settings.max_upload_bytes
-        self._max_archive_bytes = settings.max_archive_bytes
+        self._size = RequestSize(settings)
         # No foreign name leads here by an address, so beyond this machine every address of it is one of its names.
         self._any_address = not is_loopback(settings.host)
         names = ("localhost", "127.0.0.1", "::1", settings.host, gethostname(), *settings.allowed_hosts)
@@ -71,7 +69,7 @@ class SecurityHeaders:
         if scope["type"] == "websocket":
             await self._app(scope, receive, _with_headers(scope, send))
         else:
-            await self._app(scope, _limited(receive, self._limit(scope)), _with_headers(scope, send))
+            await self._app(scope, self._size.counted(receive, scope), _with_headers(scope, send))
 
     def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)
@@ -85,10 +83,7 @@ class SecurityHeaders:
             )
         if not is_safe(scope):
             _check_origin(headers, host)
-        length, limit = headers.get("content-length", ""), self._limit(scope)
-        if length.isdecimal() and int(length) > limit:
-            to_do = "Send less at once."
-            raise TooLargeError("at most {limit} bytes in one request", length, to_do, "request", limit=limit)
+        self._size.check(headers, scope)
 
     def _is_own(self, host: str) -> bool:
         try:
@@ -101,25 +96,6 @@ class SecurityHeaders:
             return self._any_address and bool(ip_address(name))
         except ValueError:
             return False
-
-    def _limit(self, scope: Scope) -> int:
-        """Return how many bytes a request may have: what comes in pieces goes to the disk, all else to memory."""
-        return self._max_archive_bytes if comes_in_pieces(scope["path"]) else self._max_bytes
-
-
-def _limited(receive: Receive, limit: int) -> Receive:
-    total = 0
-
-    async def counting() -> Message:
-        nonlocal total
-        message = await receive()
-        total += len(message.get("body", b""))
-        if total > limit:
-            # An HTTPException is the one error that passes through the body parsers unchanged.
-            raise HTTPException(413, f"a request of more than {limit} bytes")
-        return message
-
-    return counting
 
 
 def _check_origin(headers: Headers, host: str) -> None:

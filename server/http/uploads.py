@@ -1,6 +1,6 @@
 """The files of an upload, under the names that the capture's record gives them.
 
-How large a request may be, `server/http/security_headers.py` says.
+How large a request may be, `server/http/request_size.py` says.
 """
 
 import asyncio
