@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -108,24 +107,6 @@ def test_a_capture_without_its_record_is_refused(client: httpx.Client) -> None:
         f"/sessions/{session}/captures", content=b"--x\r\nrubbish", headers={"Content-Type": "multipart/form-data"}
     )
     assert_problem(answer, 400)
-
-
-def test_too_large_an_upload_is_refused(client: httpx.Client) -> None:
-    session = make_session(client)
-
-    def unannounced() -> Iterator[bytes]:
-        head = 'Content-Disposition: form-data; name="record"\r\n\r\n' + json.dumps(record())
-        part = 'Content-Disposition: form-data; name="files"; filename="a.csv"\r\n\r\n'
-        yield f"--b\r\n{head}\r\n--b\r\n{part}".encode()
-        for _ in range(2000):
-            yield b"1.0,2.0\n" * 12_500
-
-    form = {"Content-Type": "multipart/form-data; boundary=b"}
-    answer = client.post(f"/sessions/{session}/captures", content=unannounced(), headers=form)
-    assert_problem(answer, 413, "2000000")
-    announced = upload(client, session, record(), b"1.0,2.0\n" * 400_000)
-    assert_problem(announced, 413, "2000000")
-    assert client.get(f"/sessions/{session}/captures").json()["items"] == []
 
 
 def test_a_second_capture_of_the_same_id_is_refused(client: httpx.Client) -> None:
