@@ -20,15 +20,12 @@ from calib_core.chain.turntable import TurntableSolution, solve_turntable
 from calib_core.chain.whole import ChainSolution, solve_chain
 from calib_core.findings import Finding
 from calib_core.frames import FloatArray
-from calib_core.library.opened import OpenSession
-from calib_core.records import Capture, Cell
-from calib_core.simulation.topology import BallOptions
+from calib_core.records import Cell
 from calib_core.stages.chain.result import disagreements
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.solve import about_tool, table_options
-from calib_core.stages.turntable.verdict import scanner_move_not_checked, table_findings
-from tests.core.test_late_scanner import BESIDE, FIXED, HELD, MOUNTED, seen_by
-from tests.every_code.made import CELL, Case, made, solved, table_of
+from calib_core.stages.turntable.verdict import table_findings
+from tests.every_code.made import CELL, Case, solved, table_of
 from tests.every_code.tcp import scattered
 
 
@@ -57,42 +54,6 @@ def table(**fields: Any) -> Case:
         return table_findings(replace(chain.turntable, **fields), turning, cell)
 
     return case
-
-
-def seen_alone(stage: str, *, known: bool) -> Case:
-    """Return what is noticed where a scanner that stands still saw the table alone."""
-
-    def case() -> Iterable[Finding]:
-        session, truth = seen_by(replace(FIXED, balls=(HELD, *MOUNTED)), lambda one: one.step != "tcp")
-        brought = {"base_from_laser": truth["base_from_laser"]} if known else {}
-        told = session.record.cell.known.model_copy(update=brought)
-        cell = session.record.cell.model_copy(update={"known": told})
-        return (
-            OpenSession(session.record.model_copy(update={"cell": cell}), session.read).run(stage)[stage].findings
-        )
-
-    return case
-
-
-def seen_late(by_arm: str, *by_gate: str) -> Case:
-    """Return what is noticed where one scanner saw the table alone, and the other a still ball, too."""
-
-    def case() -> Iterable[Finding]:
-        return late(frozenset({by_arm, *by_gate}), frozenset(by_gate))
-
-    return case
-
-
-@cache
-def late(by_arm: frozenset[str], by_gate: frozenset[str]) -> list[Finding]:
-    """Return what the table's stage notices of both scanners."""
-    of = {"arm": by_arm, "gate": by_gate}
-
-    def keep(one: Capture) -> bool:
-        return one.scanner == "arm" if one.step == "tcp" else one.mount in of[one.scanner or ""]
-
-    session, _ = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
-    return session.run("turntable")["turntable"].findings
 
 
 def both(field: str, beyond: Any, within: Any) -> tuple[Case, Case]:
@@ -198,15 +159,6 @@ def again(apart_deg: float | None) -> Case:
     return case
 
 
-def flange_after_table(many: int) -> Case:
-    """Return what is said of a scanner that stands still, some captures of the flange's ball after the table's."""
-    captures = made("fixed-scanner-turntable", 2).session.captures
-    held = [capture for capture in captures if capture.step == "tcp"]
-    on_it = [capture for capture in captures if capture.step == "turntable"]
-    first = len(held) - many
-    return lambda: scanner_move_not_checked([*held[:first], *on_it, *held[first:]], {""})
-
-
 def after_tool(optics: tuple[Any, ...] = (), **sigmas: float) -> Case:
     """Return what the turntable says of a tool whose poses scatter so, or that frames of optics told."""
 
@@ -230,9 +182,6 @@ CASES: dict[str, tuple[Case, Case]] = {
         of_covariance(axis_direction=np.deg2rad(0.49) ** 2),
     ),
     "axis-mirrored": (mirrored(0.0, 3.1), mirrored(0.49, 2.9)),
-    "table-without-base": (seen_alone("turntable", known=False), seen_alone("turntable", known=True)),
-    "scanner-left-to-chain": (seen_late("low", "low", "high"), seen_late("low", "low")),
-    "scanner-not-placed": (seen_late("low", "low"), seen_late("low", "low", "high")),
     "axis-place-undetermined": (of_covariance(axis_point=3.1**2), of_covariance(axis_point=2.9**2)),
     "many-table-captures-contradict": (rejected(6), rejected(5)),
     "table-captures-contradict": (rejected(1), rejected(0)),
@@ -257,7 +206,6 @@ CASES: dict[str, tuple[Case, Case]] = {
     "encoder-scale": both("encoders", {0: EncoderScale(5e-4, 1e-4, True)}, {0: EncoderScale(3e-4, 1e-4, False)}),
     "table-angles-scatter": (by_angle(0.051), by_angle(0.049)),
     "play-not-checked": (again(None), again(0.0)),
-    "scanner-move-not-checked": (flange_after_table(0), flange_after_table(3)),
     "table-play": (again(0.011), again(0.009)),
     "table-angles-repeat": (again(0.009), again(0.011)),
     "tcp-failed-before": (after_tool(position_mm=2.6), after_tool(position_mm=2.4)),

@@ -21,7 +21,7 @@ from calib_core.cell.found import told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import merge as codes
-from calib_core.findings.codes.turntable import SCANNER_NOT_PLACED
+from calib_core.findings.codes.placed_scanners import SCANNER_NOT_PLACED
 from calib_core.formats.format import INTENSITY, Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray

@@ -22,6 +22,7 @@ from calib_core.chain.observations import SphereObservation, SphereSize, TableOb
 from calib_core.chain.without_turns import open_shifts
 from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding, causes_of, judged, sentence_of, verdict_of
+from calib_core.findings.codes import placed_scanners
 from calib_core.findings.codes import turntable as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
@@ -62,7 +63,7 @@ def solve(given: StageInput) -> TurntableResult:
     known, found, tool = known_scanner(cell) or own, list[Finding](), None
     if own is not None:
         given = replace(given, session=given.session.model_copy(update={"cell": without_directions(cell)}))
-        found.append(codes.TABLE_WITHOUT_BASE())
+        found.append(placed_scanners.TABLE_WITHOUT_BASE())
     if known is not None:
         tool, sphere = KnownTool(known), sphere_of(cell, given.captures)
     elif (solved := tcp_of(given)) is None:
@@ -96,7 +97,7 @@ def solve(given: StageInput) -> TurntableResult:
 def _left_to_chain(table: SolvedTable) -> list[Finding]:
     """Return that captures of scanners that the table places count in the whole chain alone."""
     return [
-        codes.SCANNER_LEFT_TO_CHAIN(
+        placed_scanners.SCANNER_LEFT_TO_CHAIN(
             [o.sphere.capture for o in one.observations], scanner=one.observations[0].sphere.scanner
         )
         for one in table.late
@@ -317,7 +318,7 @@ def _late(
         if isinstance(one, LateScanner):
             found.append(one)
         else:
-            told.append(codes.SCANNER_NOT_PLACED([o.sphere.capture for o in own], scanner=name, why=one))
+            told.append(placed_scanners.SCANNER_NOT_PLACED([o.sphere.capture for o in own], scanner=name, why=one))
     return found, told
 
 

@@ -14,6 +14,7 @@ from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding
 from calib_core.findings.codes import turntable as codes
+from calib_core.findings.codes.placed_scanners import SCANNER_MOVE_NOT_CHECKED
 from calib_core.frames import FloatArray, skew
 from calib_core.messages import message
 from calib_core.records import Capture, Cell, Undetermined
@@ -187,7 +188,7 @@ def scanner_move_not_checked(captures: Sequence[Capture], still: Container[str])
     around = bool(at_rest and on_table) and at_rest[0] < on_table[0] and at_rest[-1] > on_table[-1]
     if not at_rest or around:
         return []
-    return [codes.SCANNER_MOVE_NOT_CHECKED()]
+    return [SCANNER_MOVE_NOT_CHECKED()]
 
 
 def scatters_by_table(table: TurntableSolution) -> bool:

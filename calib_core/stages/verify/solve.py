@@ -16,7 +16,7 @@ from calib_core.chain.observations import Observations, SphereSize
 from calib_core.errors import MotionError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import verify as codes
-from calib_core.findings.codes.turntable import SCANNER_NOT_PLACED
+from calib_core.findings.codes.placed_scanners import SCANNER_NOT_PLACED
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.messages import message
