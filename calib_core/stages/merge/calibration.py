@@ -1,6 +1,6 @@
 """The calibration that a merge goes by: tool and table, their covariance, and how it moves each scan."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +9,11 @@ from scipy.linalg import block_diag
 from calib_core.captures.arm_joints import applied_moves
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, poses_of
+from calib_core.cell.carriers import scanner_name
 from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, own_base, turns_little
 from calib_core.errors import InputError
 from calib_core.findings.codes import merge as codes
+from calib_core.findings.codes.placed_scanners import SCANNER_NOT_PLACED
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.self_calibration import SelfCalibration
@@ -27,6 +29,7 @@ from calib_core.stages.turntable.record import TurntableResult
 CALIBRATION_SHARE = 0.2
 """Of a merge's progress."""
 
+_NOT_PLACED = "no-scans"
 _STEPS = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2)  # rad and mm, of derivatives
 
 
@@ -125,6 +128,20 @@ def calibration_of(
         covariance = np.block([[covariance, cross], [cross.T, own.covariance]])
     angle_rad = float(np.deg2rad(angle_deg))
     return Calibration(placement, covariance, *scatter, angle_rad, by, tuple(findings), arm, others)
+
+
+def not_placed(
+    placement: Placement, cell: Cell, captures: Sequence[Capture], unused: Mapping[str, str]
+) -> list[Finding]:
+    """Return which scans are left out as nothing says where their scanners are; raises InputError if all are."""
+    fit = [capture for capture in captures if capture.id not in unused]
+    others: dict[str, list[str]] = {}
+    for capture in fit:
+        if not placement.places(capture):
+            others.setdefault(scanner_name(cell, capture), []).append(capture.id)
+    if fit and len(fit) == sum(map(len, others.values())):
+        placement.mount(fit[0])
+    return [SCANNER_NOT_PLACED(names, scanner=name, why=_NOT_PLACED) for name, names in others.items()]
 
 
 def pose_errors(given: StageInput, groups: Sequence[ScanGroup], calibration: Calibration) -> PoseErrors:

@@ -16,12 +16,10 @@ from calib_core.captures.observe import side_of_ball
 from calib_core.captures.placement import Placement
 from calib_core.captures.poses import require_unit
 from calib_core.captures.scans import ScanGroup, SessionScans, local_origin_mm, poses_of, scan_groups
-from calib_core.cell.carriers import scanner_name
 from calib_core.cell.found import told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import merge as codes
-from calib_core.findings.codes.placed_scanners import SCANNER_NOT_PLACED
 from calib_core.formats.format import INTENSITY, Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray
@@ -36,11 +34,12 @@ from calib_core.fusion.solve import Looked, MergeSolution, solve_merge
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import message, templates
-from calib_core.records import Capture, Cell, Finding
+from calib_core.records import Finding
 from calib_core.stages.merge.calibration import (
     CALIBRATION_SHARE,
     Calibration,
     calibration_of_session,
+    not_placed,
     pose_errors,
     shared_shift,
 )
@@ -54,8 +53,6 @@ from calib_core.stages.undetermined_places import FAR_MM
 _USUAL_VOXEL_MM, _COARSE = 0.5, 2.0
 _LOOKED_AT = 3  # scans of which the spacing is asked: one of them may be in metres, or hardly see the part
 _IN_METRES = 0.02  # of the widest spacing
-
-_NOT_PLACED = "no-scans"
 
 _METHODS = templates({
     "plain": "chain, cleaning on the scan's grid, voxel means weighted by 1/σ²",
@@ -140,7 +137,7 @@ def plan_merge(given: StageInput) -> MergePlan:
     calibration = calibration_of_session(
         given, with_table=any(capture.table_deg is not None for capture in captures)
     )
-    found += _not_placed(calibration.placement, given.session.cell, captures, reasons_of(found))
+    found += not_placed(calibration.placement, given.session.cell, captures, reasons_of(found))
     unused = reasons_of(found)
     fit = [capture for capture in captures if capture.id not in unused]
     if not np.array_equal(calibration.placement.mount_from_laser.matrix, np.eye(4)):  # else no robot's poses
@@ -170,20 +167,6 @@ def plan_merge(given: StageInput) -> MergePlan:
     errors = pose_errors(given, groups, calibration) if calibration.tells_scatter else None
     ball = None if calibration.by == "known" else side_of_ball(given.session, given.read)
     return MergePlan(groups, calibration, scans, errors, options, unused, tuple(found), ball)
-
-
-def _not_placed(
-    placement: Placement, cell: Cell, captures: Sequence[Capture], unused: Mapping[str, str]
-) -> list[Finding]:
-    """Return which scans are left out as nothing says where their scanners are; raises InputError if all are."""
-    fit = [capture for capture in captures if capture.id not in unused]
-    others: dict[str, list[str]] = {}
-    for capture in fit:
-        if not placement.places(capture):
-            others.setdefault(scanner_name(cell, capture), []).append(capture.id)
-    if fit and len(fit) == sum(map(len, others.values())):
-        placement.mount(fit[0])
-    return [SCANNER_NOT_PLACED(names, scanner=name, why=_NOT_PLACED) for name, names in others.items()]
 
 
 def _spacing_mm(scans: Sequence[Scan]) -> float:
