@@ -6,14 +6,13 @@ several, whose planes of light may nearly be one, all captures say how likely th
 covariance has room for it, unless the sense in which the axis counts tells them apart.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
-from calib_core.cell.walk import Position
+from calib_core.cell.walk import Position, Walk
 from calib_core.chain.chain_data import ChainData
 from calib_core.chain.encoder_scales import EncoderScales
 from calib_core.chain.likelihood import fit
@@ -102,16 +101,12 @@ def mirror_image(
     """
     walk = data.walk
     riding: np.ndarray = np.any(walk.layout.rides[walk.place], axis=1)
-    told_side = np.array([o.kind != "profile" or o.side is not None for o in observations])
-    sided: list[int] = np.unique(walk.place[riding & told_side]).tolist()
     if not riding.any() or walk.over_robot[riding].any() or found.sigmas.largest_position_mm > _PLAUSIBLE_MM:
         return None
+    told_side = np.array([o.kind != "profile" or o.side is not None for o in observations])
     images: list[MirrorImage] = []
-    balls: list[int] = np.unique(walk.place[riding]).tolist()
-    alone = [[n] for n in balls if n not in sided] if len(balls) > 1 else []
-    scanners: list[int] = np.unique(walk.scanner[riding]).tolist()
-    for scanner, some in product(scanners, alone if sided else [None, *alone]):
-        image = _mirrored(data, found.state, scanner, some)
+    for scanner, balls in _sides_to_try(walk, riding, told_side):
+        image = _mirrored(data, found.state, scanner, balls)
         senses, own = _senses(image), _senses(found.state)
         told = sum((senses.get(name, 0) - own.get(name, 0)) * way for name, way in directions.items())
         if told < 0:
@@ -129,6 +124,22 @@ def mirror_image(
     return max(plausible, key=lambda one: one.chance * (one.apart_mm + _REACH_MM * one.lean_rad), default=None)
 
 
+def _sides_to_try(
+    walk: Walk, riding: np.ndarray, told_side: np.ndarray
+) -> Iterator[tuple[int, Sequence[int] | None]]:
+    """Give a scanner and the balls that its plane of light may mirror: all with their axes, None, or one alone.
+
+    A ball with a capture whose side is told stays, and all axes then too; one alone is mirrored by who sees it.
+    """
+    seen: list[tuple[int, int]] = np.unique(np.column_stack([walk.scanner, walk.place])[riding], axis=0).tolist()
+    sided = {int(n) for n in walk.place[riding & told_side]}
+    several = len({n for _, n in seen}) > 1
+    for scanner in sorted({scanner for scanner, _ in seen}):
+        if not sided:
+            yield scanner, None
+        yield from ((scanner, [n]) for by, n in seen if several and by == scanner and n not in sided)
+
+
 def _senses(state: ChainState) -> dict[str, int]:
     """Return in which sense rotary axes count that are not level, by their names."""
     edges = zip(state.walk.layout.axes, state.position.axes, strict=True)
@@ -136,7 +147,7 @@ def _senses(state: ChainState) -> dict[str, int]:
     return {name: 1 if up > 0 else -1 for name, up in ups.items() if abs(up) > LEVEL}
 
 
-def _mirrored(data: ChainData, state: ChainState, scanner: int, some: Sequence[int] | None) -> ChainState:
+def _mirrored(data: ChainData, state: ChainState, scanner: int, balls: Sequence[int] | None) -> ChainState:
     """Return axes under the object and their balls mirrored at a scanner's plane of light, or some balls alone."""
     layout, at = state.walk.layout, state.position
     normal, origin = at.mount_rotations[scanner][:, 1], at.mount_translations[scanner]
@@ -146,10 +157,10 @@ def _mirrored(data: ChainData, state: ChainState, scanner: int, some: Sequence[i
         axis, rotary = at.axes[a], layout.axes[a].kind == "rotary"
         z = mirror @ axis.rotation[:, 2] * (-1 if rotary else 1)  # a mirrored turn counts the other way
         point = mirror @ (axis.origin - origin) + origin
-        if some is None:
+        if balls is None:
             axes[a] = AxisState(with_third(z), point if rotary else axis.origin, axis.scale)
         for n in layout.on_axis(a):
-            if some is not None and n not in some:
+            if balls is not None and n not in balls:
                 continue
             there = mirror @ (_in_base(at, layout, n, a) - origin) + origin
             places[n] = (there - axes[a].origin) @ axes[a].rotation if rotary else there
