@@ -77,7 +77,7 @@ class CheckMove:
 
 
 def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
-    """Return the check move of an answer.
+    """Return the check move of an answer of one scanner, as `checked_tool` gives it.
 
     Raises
     ------
@@ -86,7 +86,6 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
     InputError
         If the captures do not tell where the sphere stood.
     """
-    answer = checked_tool(answer, settings)
     answer.require_usable()
     _ = answer.tool  # of a scanner that stands still there is no tool to check
     if "undetermined" in (result := answer.results[answer.stage]) and result["undetermined"]:

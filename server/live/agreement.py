@@ -12,14 +12,10 @@ from calib_core.messages import message
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
 from calib_core.sphere.standstill import standstill
+from server.live.departures import STRIPE_MOVED_MM, STRIPE_STOOD_MM, Departures, LateAngle
 from server.live.exposures import Exposure
-from server.live.late_angle import STRIPE_STOOD_MM, LateAngle
 from server.live.standstill import Rest, Rules, is_new_place
-from server.sources.device import Role, Sample, host_now_s
-
-_TOGETHER_S = 0.35
-STRIPE_MOVED_MM = 0.5
-"""A stripe that moved by more did not stand."""
+from server.sources.device import Sample, host_now_s
 
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
@@ -29,38 +25,6 @@ _ARRIVES_S = 0.2  # poses may arrive so much later than what the scanner saw, be
 _NOISE_MM = 0.1  # at most between two arcs of a stripe that stood
 _WHILE_S = 0.35  # so long something else was in the light than the sphere
 _FEWEST_POINTS = 20  # of something: a laser that was switched off shows none
-
-
-class Departures:
-    """Holds when the robot or the table left a place against when the stripe did.
-
-    Parameters
-    ----------
-    latency_s : float
-        How long before its arrival an exposure may have been made.
-    """
-
-    def __init__(self, latency_s: float) -> None:
-        self._latency_s = latency_s
-        self.forget()
-
-    def forget(self) -> None:
-        """Begin anew."""
-        self._left: tuple[Sample, ArcFit] | None = None
-        self.together: Role | None = None
-        """Who left together with the stripe; whoever reads it, forgets it."""
-
-    def leave(self, sample: Sample, seen_s: float, arc: ArcFit) -> None:
-        """Take what first told of a move, when the stripe was last seen where it stood, and where."""
-        self._left = (sample, arc) if sample.host_time_s - seen_s <= _TOGETHER_S else None
-
-    def see(self, arc: ArcFit | None, seen_s: float) -> None:
-        """Take what the scanner saw next; from soon after the poses left, it must be elsewhere."""
-        if self._left is None or seen_s <= self._left[0].host_time_s + self._latency_s:
-            return
-        (sample, left), self._left = self._left, None
-        if arc is None or left.apart_mm(arc) > STRIPE_MOVED_MM:
-            self.together = "robot" if sample.base_from_tool0 is not None else "table"
 
 
 class Agreement:
