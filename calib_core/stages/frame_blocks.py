@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from calib_core.cell.found import UpToShift
-from calib_core.evidence.numbers import number_text, quantity, same_decimals
+from calib_core.evidence.numbers import number_text, quantity, quantity_text, same_decimals
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Session
@@ -48,7 +48,13 @@ def frame_block(
     )
 
 
-def open_frame(session: Session, frame: RigidTransform, title: str, shift: UpToShift) -> Note:
+def open_frame(
+    session: Session,
+    frame: RigidTransform,
+    title: str,
+    shift: UpToShift,
+    covariance: Sequence[Sequence[float]] | None,
+) -> Note:
     """Return how a frame is turned, in the session's convention, where its position is open."""
     if shift.travel is not None:
         return Note(title=title, text=message("Not determined by itself: all poses lie on one line."))
@@ -56,9 +62,12 @@ def open_frame(session: Session, frame: RigidTransform, title: str, shift: UpToS
     if convention.form == "matrix":
         numbers = ", ".join(f"{value:.6f}" for value in frame.rotation.ravel())
     else:
-        values = tool_numbers(convention.name, RigidTransform(frame.matrix, "tool0", "laser"))[3:]
-        labels = convention.numbers.split()[3:]
-        numbers = ", ".join(f"{label} = {value:.4f}" for label, value in zip(labels, values, strict=True))
+        turned = None if covariance is None else np.array(covariance, dtype=float)[:6, :6]
+        if turned is not None:
+            turned[3:] = turned[:, 3:] = 0.0  # open, and nothing to how it is turned
+            turned = turned if np.isfinite(turned).all() else None
+        shown = list(_frame_numbers(convention.name, frame, turned))[3:]
+        numbers = ", ".join(f"{one.label} = {quantity_text(one.quantity)}" for one in shown)
     text = message(
         "Orientation ({convention}): {numbers}. Its position is not determined: no turn tells it.",
         convention=convention.name,
@@ -68,7 +77,7 @@ def open_frame(session: Session, frame: RigidTransform, title: str, shift: UpToS
 
 
 def _frame_numbers(
-    name: str, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None
+    name: str, frame: RigidTransform, covariance: FloatArray | Sequence[Sequence[float]] | None
 ) -> Iterator[FrameNumber]:
     convention = CONVENTIONS[name]
     if convention.form == "matrix":

@@ -32,10 +32,10 @@ def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
             continue  # a table has a block of its own
         title = scanner_title(frame.into, frame.outof, frame.scanner)
         placed = RigidTransform(matrix, frame.into if frame.scanner else "laser", "laser")
-        if result.up_to_shift is not None and frame.scanner is not None:
-            found.append(open_frame(session, placed, title, result.up_to_shift))
-            continue
         believed = None if result.verdict == "fail" else frame.covariance
+        if result.up_to_shift is not None and frame.scanner is not None:
+            found.append(open_frame(session, placed, title, result.up_to_shift, believed))
+            continue
         told = {"title": title, "detail": frame.scanner is None, "id": None if found else "tool"}
         block = frame_block(session.cell.pose_convention, placed, believed, **told)
         ends = {"into": frame.into, "outof": frame.outof, "name": f"{frame.into}_from_{frame.outof}"}

@@ -1,6 +1,7 @@
 """Machines of few axes: what is determined is solved, what is not has no number."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,11 @@ def test_a_gantry_knows_the_scanners_rotation_and_has_no_number_for_its_position
     off = turned_apart(truth["tool0_from_laser"], data["tool0_from_laser"])
     covariance = np.array([row[:3] for row in data["covariance"][:3]], dtype=float)
     assert off @ np.linalg.solve(covariance, off) < CHI2[3]
+    (turned,) = [block["text"] for block in data["evidence"] if block.get("title") == "Scanner on the flange"]
+    w, *xyz = (float(one.replace("−", "-")) for one in re.findall(r"q\d = (\S+) ±", turned))
+    stated = float(re.findall(r"q1 = \S+ ± ([\d.]+)", turned)[0])
+    assert w**2 + np.square(xyz).sum() == pytest.approx(1.0, abs=1e-3)
+    assert stated == pytest.approx(np.sqrt(xyz @ covariance @ xyz), rel=0.05)  # half of the turn, k = 2
 
 
 def test_a_gantry_with_a_table_knows_the_scanner_in_the_tables_frame() -> None:

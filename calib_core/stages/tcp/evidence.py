@@ -101,10 +101,10 @@ def tool_frames(session: Session, result: TcpResult | ChainResult) -> list[AnyBl
 
 
 def _tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
-    if result.up_to_shift is not None:
-        return open_frame(session, result.mount_from_laser, "Scanner on the flange", result.up_to_shift)
     title = "Scanner on the flange" if on_flange(result.mount_from_laser) else "Scanner in base"
     covariance = None if result.verdict == "fail" else result.covariance
+    if result.up_to_shift is not None:
+        return open_frame(session, result.mount_from_laser, title, result.up_to_shift, covariance)
     return frame_block(session.cell.pose_convention, result.mount_from_laser, covariance, id="tool", title=title)
 
 

@@ -88,9 +88,9 @@ def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequen
         )
     told = result.model_dump(by_alias=True)
     frame, title = placed_table(told), table_title(told)
-    if result.up_to_shift is not None:
-        return open_frame(session, frame, title, result.up_to_shift)
     believed = None if result.verdict == "fail" else covariance
+    if result.up_to_shift is not None:
+        return open_frame(session, frame, title, result.up_to_shift, believed)
     return frame_block(session.cell.pose_convention, frame, believed, id="table", title=title)
 
 
