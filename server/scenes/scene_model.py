@@ -48,7 +48,8 @@ class CaptureFacts:
     `base_from_laser` where its scanner was, `stands_still` whether that is on the flange or fixed in base.
     `links_in_base_mm` (N, 3) is the line along the cell's own arm, None where arm or joints are not known;
     `base_from_foot` is where the robot stood, by axes that carry it.  `base_from_turntable` is where T stood, and
-    `read` what was read of the axes that carry the object, in words.
+    `read` what was read of the axes that carry the object, in words.  `spheres` are the balls that it may show, its own
+    first: centres, and radii where they are not the cell's.
     """
 
     id: str
@@ -66,6 +67,7 @@ class CaptureFacts:
     scanner: str = ""
     stands_still: bool = False
     base_from_foot: RigidTransform = _STILL
+    spheres: tuple[tuple[FloatArray, float | None], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +137,15 @@ class SceneFacts:
         None of a capture that shows another sphere, as the far one of a ball bar: its distances would be all that
         the colours can tell.
         """
-        own = (ball.radius_mm for ball in self.balls if capture.id in ball.captures)
-        radius_mm = next(own, None) or self.sphere_radius_mm
-        if capture.sphere_center_in_base_mm is None or radius_mm is None:
+        center, points = capture.sphere_center_in_base_mm, self.points_in_base_mm(capture)
+        radius_mm = next((one for _, one in capture.spheres if one), self.sphere_radius_mm)
+        if center is None or radius_mm is None:
             return None
-        offsets = self.points_in_base_mm(capture) - capture.sphere_center_in_base_mm
-        found_mm = np.linalg.norm(offsets, axis=1) - radius_mm
+        offsets_mm = np.array([
+            np.linalg.norm(points - at, axis=1) - (own_mm or radius_mm)
+            for at, own_mm in capture.spheres or ((center, None),)
+        ])
+        found_mm = offsets_mm[np.abs(offsets_mm).argmin(axis=0), np.arange(len(points))]
         far = len(found_mm) > 0 and float(np.median(np.abs(found_mm))) > radius_mm / 2
         return None if far else found_mm
 
@@ -291,13 +296,15 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
     points = placing.load(capture)
     stride = -(-len(points) // max(placing.most, 1))
     table = _table_at(capture, placing)
-    center = None
+    spheres: list[tuple[FloatArray, float | None]] = []
     if placing.table is not None and table is not None and capture.step == "turntable":
-        place = (placing.table.mounts or {}).get(capture.mount or "")
-        center = None if place is None else table.apply(place)
+        own = getattr(placing.rows.get(capture.id), "mount", None)
+        held = placing.table.held_by(capture.mount or "")
+        names = sorted(held, key=lambda name: name != own)  # the one that the result tells of first
+        spheres = [(table.apply(held[name]), None) for name in names]
     if capture.step in steps_that_show("sphere"):
-        own = next((one for one in placing.balls if capture.id in one.captures), next(iter(placing.balls), None))
-        center = None if own is None else own.in_base_mm(pose)
+        seen = [one for one in placing.balls if capture.id in one.captures] or placing.balls[:1]
+        spheres = [(one.in_base_mm(pose), one.radius_mm) for one in seen]
     return CaptureFacts(
         id=capture.id,
         kind=capture.kind,
@@ -305,7 +312,7 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         state=state,
         reason=reason,
         points_in_laser_mm=points[:: max(stride, 1)],
-        sphere_center_in_base_mm=center,
+        sphere_center_in_base_mm=spheres[0][0] if spheres else None,
         base_from_turntable=table,
         read=reading_words(placing.cell, capture),
         mount=capture.mount or "",
@@ -314,6 +321,7 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         scanner=capture.scanner or "",
         stands_still=still,
         base_from_foot=foot,
+        spheres=tuple(spheres),
     )
 
 

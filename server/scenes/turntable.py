@@ -83,6 +83,13 @@ class TableFacts:
         place = (self.mounts or {}).get(mount)
         return None if place is None else self.turned(table_deg).apply(place)
 
+    def held_by(self, mount: str) -> dict[str, FloatArray]:
+        """Return the sphere of a mounting, or all of a plate that is mounted so, by name, in T."""
+        mounts = self.mounts or {}
+        own = mounts.get(mount)
+        stem = f"{mount or 'sphere'}-"
+        return {mount: own} if own is not None else {n: at for n, at in mounts.items() if n.startswith(stem)}
+
     def mount_number(self, mount: str) -> int:
         """Return a mounting's place in the order of the result."""
         names = list(self.mounts or {})

@@ -108,8 +108,9 @@ def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     spoke = np.array([[[0.0, 0.0, height], [rim, 0.0, height]]])
     yield nodes.lines("/turned/table/spoke", spoke, AXIS, 4.0)
     mounted = {capture.mount for capture in shown if capture.base_from_turntable is not None}
+    held = {name for mount in mounted for name in table.held_by(mount)}
     for number, (mount, place) in enumerate((table.mounts or {}).items()):
-        if mount in mounted and facts.sphere_radius_mm:
+        if mount in held and facts.sphere_radius_mm:
             color = mount_color(table, mount)
             yield nodes.ball(f"/turned/table/sphere-{number}", place, 0.94 * facts.sphere_radius_mm, color, 0.9)
             post = np.array([[place, [place[0], place[1], height]]])

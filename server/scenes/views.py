@@ -6,6 +6,8 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from calib_core.messages import templates
+from server.scenes.cloud_layers import cloud_place
+from server.scenes.display_options import Look
 from server.scenes.ghost import AXES_MM
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import OpticsFacts, plane_patch_mm
@@ -133,7 +135,8 @@ def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
     if table is None:
         if merged is None:
             return None
-        return np.quantile(merged.points_mm.astype(float), [0.01, 0.99], axis=0)
+        corners = np.quantile(merged.points_mm.astype(float), [0.01, 0.99], axis=0)
+        return corners if (place := cloud_place(facts, Look(0.0))) is None else place.apply(corners)
     low, high, away = table.reach_mm
     rim = away + (facts.sphere_radius_mm or 0.1 * away)
     around = np.arange(8) * np.pi / 4
@@ -153,9 +156,8 @@ def _object_places_mm(facts: SceneFacts) -> FloatArray | None:
     stray = 0.005 if facts.merged.fused else 0.03
     low, high = np.quantile(facts.merged.points_mm.astype(float), [stray, 1.0 - stray], axis=0)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
-    if not facts.merged.on_table:
-        return corners
-    return None if facts.table is None else facts.table.base_from_turntable.apply(corners)
+    place = cloud_place(facts, Look(0.0))
+    return None if place is None else place.apply(corners)
 
 
 def _bench_places_mm(optics: OpticsFacts) -> FloatArray:

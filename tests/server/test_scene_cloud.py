@@ -292,6 +292,18 @@ def test_the_view_of_the_object_holds_it_and_little_else() -> None:
     np.testing.assert_array_equal(view("Object", without).position_m, view("Captures", without).position_m)
 
 
+def test_the_view_of_a_held_part_is_where_it_is_drawn() -> None:
+    facts = scene_facts(fused_scene())
+    assert facts.merged is not None
+    held = replace(facts, merged=replace(facts.merged, frame="tool0"))
+    points = drawn(held)
+    root = np.array(points["/scans/merged"].arguments["position"])
+    seen = view("Object", held)
+    assert np.linalg.norm(root) > 0.3  # m: where the flange was, far from base
+    assert np.linalg.norm(seen.look_at_m - root) < 0.15
+    np.testing.assert_allclose(view("Table", replace(held, table=None)).look_at_m, seen.look_at_m, atol=0.05)
+
+
 def test_heights_run_from_dark_to_light() -> None:
     facts = scene_facts(fused_scene())
     colors = drawn(facts)["/scans/merged/0"].arguments["colors"]

@@ -79,3 +79,15 @@ def test_one_capture_shows_an_axis_as_it_stood() -> None:
     np.testing.assert_allclose(center, place.center_in_base_mm, atol=0.5)
     nodes = draw(facts, look_at(facts, capture.id, alone=True))
     assert nodes["/turned/angle"].arguments["text"] == place.read
+
+
+def test_a_plates_points_lie_on_its_balls_which_are_drawn_where_the_axes_brought_them() -> None:
+    facts, _, _ = drawn("plate-on-positioner")
+    plates = [one for one in facts.captures if one.mount == "plate" and one.state == "used"]
+    assert len(plates) > 20
+    for capture in plates:
+        residuals = facts.residuals_mm(capture)
+        assert residuals is not None
+        assert np.abs(residuals).max() < 1.0
+    nodes = draw(facts, look_at(facts, plates[0].id, alone=True))
+    assert sum(name.startswith("/turned/table/sphere-") for name in nodes) == 3
