@@ -114,9 +114,13 @@ def axis_of_mounts(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
 
 
 def carrier_told(cell: Cell, capture: Capture) -> str:
-    """Return what carries the ball of a capture that names it as a still one, base where nothing is told."""
-    told = {ball.name: ball.on for ball in cell.spheres or []}
-    return told.get(capture.mount or "") or "base"
+    """Return what carries the ball of a capture that names it as a still one, else what carries every ball told.
+
+    Base where nothing is told.
+    """
+    told = {ball.name: ball.on or "base" for ball in cell.spheres or []}
+    carriers = {*told.values()}
+    return told.get(capture.mount or "") or (carriers.pop() if len(carriers) == 1 else "base")
 
 
 def riders(cell: Cell) -> set[str]:

@@ -67,6 +67,22 @@ def test_a_told_ball_on_a_positioner_is_verified_where_its_axes_brought_it(seed:
     assert verified(cell, "turntable", 4.0).verdict == "fail"
 
 
+@pytest.mark.thorough
+def test_a_ball_on_an_axis_that_carries_every_ball_told_needs_no_name() -> None:
+    cell = simulated_cell(POSITIONER, 1)
+    record = cell.session.to_json()
+    riding = [ball for ball in record["cell"]["spheres"] if ball.get("on", "base") != "base"]
+    record["cell"]["spheres"] = riding
+    assert len({ball["on"] for ball in riding}) == 1
+    for capture in [one for one in record["captures"] if one.get("mount") == riding[0]["name"]][::3]:
+        capture["step"] = "verify"
+        del capture["mount"]
+    result = solve_stage(Session.model_validate(record), "verify", cell.files.__getitem__)
+    assert isinstance(result, VerifyResult)
+    assert sum(row.used for row in result.residuals) >= 4
+    assert result.verdict != "fail", result.warnings
+
+
 def rechecked(cell: SimulatedSession, rail_mm: float, back: bool) -> RecheckResult:
     """Return what captures say that see the same as before with the robot further along its rail, or not."""
     record, files = cell.session.to_json(), dict(cell.files)

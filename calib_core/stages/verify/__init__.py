@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 14  # balls that the answer tells apart are judged each by itself
+    method_revision = 15  # a ball on the one axis that carries every ball told needs no name
     step = CaptureStep(
         "verify",
         "Verification",
