@@ -48,8 +48,8 @@ class CaptureFacts:
     `base_from_laser` where its scanner was, `stands_still` whether that is on the flange or fixed in base.
     `links_in_base_mm` (N, 3) is the line along the cell's own arm, None where arm or joints are not known;
     `base_from_foot` is where the robot stood, by axes that carry it.  `base_from_turntable` is where T stood, and
-    `read` what was read of the axes that carry the object, in words.  `spheres` are the balls that it may show, its own
-    first: centres, and radii where they are not the cell's.
+    `read` what was read of the axes that carry the object, in words.  `spheres` are the balls that it may show,
+    the one of the result first: centres, and radii where they are not the cell's.
     """
 
     id: str
@@ -141,10 +141,12 @@ class SceneFacts:
         radius_mm = next((one for _, one in capture.spheres if one), self.sphere_radius_mm)
         if center is None or radius_mm is None:
             return None
-        offsets_mm = np.array([
-            np.linalg.norm(points - at, axis=1) - (own_mm or radius_mm)
-            for at, own_mm in capture.spheres or ((center, None),)
-        ])
+        offsets_mm = np.array(
+            [
+                np.linalg.norm(points - at, axis=1) - (own_mm or radius_mm)
+                for at, own_mm in capture.spheres or ((center, None),)
+            ]
+        )
         found_mm = offsets_mm[np.abs(offsets_mm).argmin(axis=0), np.arange(len(points))]
         far = len(found_mm) > 0 and float(np.median(np.abs(found_mm))) > radius_mm / 2
         return None if far else found_mm
