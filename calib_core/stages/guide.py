@@ -146,9 +146,12 @@ def _status(
 def _answer(stage: Stage, data: Mapping[str, dict[str, Any]]) -> dict[str, Any] | None:
     """Return a stage's result, or that of one which answers its question too, where that is better."""
     result = data.get(stage.name)
+    holds = result is not None and not result["stale"] and result.get("verdict") != "fail"
     for other in stages():
         more = data.get(other.name) if stage.name in other.answers else None
-        if more is not None and (result is None or not more["stale"]):
+        if more is None or (holds and more.get("verdict") == "fail"):
+            continue
+        if result is None or not more["stale"]:
             return more
     return result
 

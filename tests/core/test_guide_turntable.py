@@ -124,6 +124,9 @@ def test_table_then_chain_then_review(cell: Session) -> None:
     assert (now.action, now.drawing, now.step) == ("capture", "scan-first", "scan")
     statuses = {s.step: s.status for s in guided(session, solved).steps}
     assert (statuses["tcp"], statuses["turntable"]) == ("done", "done")
+    refused = table | {"chain": result_of(session, "chain", verdict="fail")}
+    statuses = {s.step: s.status for s in guided(session, refused).steps}
+    assert (statuses["tcp"], statuses["turntable"]) == ("done", "done")
     fewer = session.model_copy(update={"captures": session.captures[:-1]})
     statuses = {s.step: s.status for s in guided(fewer, solved).steps}
     assert (statuses["tcp"], statuses["turntable"]) == ("done", "stale")
