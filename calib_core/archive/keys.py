@@ -78,8 +78,11 @@ class Keys:
 def key_file() -> Path:
     """Return where the own key lies: `SCANCELL_KEY_FILE`, else the user's folder for configuration."""
     named = os.environ.get(VARIABLE)
-    if named:
-        return Path(named)
+    return Path(named) if named else _of_user()
+
+
+@cache
+def _of_user() -> Path:
     from platformdirs import user_config_path
 
     return user_config_path("scancell", appauthor=False) / "key.pem"
@@ -87,8 +90,12 @@ def key_file() -> Path:
 
 def trust_file() -> Path:
     """Return where the trusted public keys lie: beside the own key."""
-    file = key_file()
-    return file.with_name(f"{file.stem}-trusted.json")
+    return _trust_beside(key_file())
+
+
+@cache  # asked for with each row that is signed
+def _trust_beside(own: Path) -> Path:
+    return own.with_name(f"{own.stem}-trusted.json")
 
 
 def keys() -> Keys:
@@ -104,7 +111,8 @@ def keys() -> Keys:
     Where no key can be written, as in a read-only home, one is made that lasts as long as the process: `trouble`
     says so.
     """
-    own, trusted = key_file(), trust_file()
+    own = key_file()
+    trusted = _trust_beside(own)
     return _keys(own, trusted, _state(own), _state(trusted))
 
 

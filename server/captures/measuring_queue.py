@@ -6,11 +6,13 @@ import time
 from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import cache
 from itertools import groupby
 from typing import Literal
 
-from calib_core.captures.measured import measured_of, not_seen
+from calib_core.captures.measured import not_seen
 from calib_core.errors import CalibrationError, NotFoundError
+from calib_core.findings import measured_judgement
 from calib_core.findings.codes.quality import WAITS_FOR_MEASURING
 from calib_core.records import Capture, Measured, Session, parse_capture
 from server.background import BackgroundThread
@@ -119,5 +121,11 @@ class MeasuringQueue(BackgroundThread):
 
 
 def to_wait(capture: Capture, since: Literal["batch", "cell", "record"] = "batch") -> Measured:
-    """Return what is noted of a capture until it is measured."""
-    return measured_of(capture, [WAITS_FOR_MEASURING(since=since)])
+    """Return what is noted of a capture until it is measured: of thousands the same but for the name."""
+    return _waiting(since).model_copy(update={"capture": capture.id, "kind": capture.kind})
+
+
+@cache
+def _waiting(since: str) -> Measured:
+    found = measured_judgement([WAITS_FOR_MEASURING(since=since)])
+    return Measured(capture="waits", kind="profile", **found)

@@ -8,6 +8,8 @@ from typing import Any
 import httpx
 import pytest
 
+from calib_core.simulation import simulate
+from server.captures.measuring_queue import to_wait
 from server.jobs.measuring_processes import Measuring
 from tests.server.live_server import assert_problem, make_session
 from tests.server.test_captures import POSE, arc_csv
@@ -124,3 +126,12 @@ def test_a_restarted_server_goes_on_measuring(start: Callable[..., Any], monkeyp
     monkeypatch.undo()
     with start() as client:
         assert wait_until_measured(client, session)[0]["measured"]["verdict"] == "pass"
+
+
+def test_what_waits_is_told_by_its_own_name_and_kind_and_by_why_it_waits() -> None:
+    captures = simulate("tcp-mixed", 1).session.captures
+    told = [to_wait(capture) for capture in captures]
+    assert [(one.capture, one.kind) for one in told] == [(capture.id, capture.kind) for capture in captures]
+    assert {one.kind for one in told} == {"profile", "cloud", "center"}
+    since = {why: to_wait(captures[0], why).findings[0].values["since"] for why in ("batch", "cell", "record")}
+    assert since == {"batch": "batch", "cell": "cell", "record": "record"}
