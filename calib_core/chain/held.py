@@ -168,7 +168,7 @@ class Held:
         An arm whose lengths are off tells the flange as much too far from the point as it made the tool long.  The
         lengths that were found, and the step to the tool of the poses as told, are of one cause.
         """
-        found, shared = self.at_point(point_in_laser_mm, half_width_mm), self.state.shared
+        found, shared = self.at_point(point_in_laser_mm, half_width_mm), self.found.shared
         if self.with_lengths is None or shared is None or self.state.walk.layout.mounts[0][1] != "tool0":
             return found
         rows, some = self._rows_at(point_in_laser_mm, half_width_mm), self.tool_and_scanner

@@ -9,7 +9,9 @@ from calib_core.chain import held as module
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.rejection import Judged
 from calib_core.stages.pipeline import solve_stage
-from tests.trouble import TableTrouble, troubled
+from calib_core.stages.tcp.record import TcpResult
+from tests.trouble import TableTrouble, Trouble, troubled
+from tests.trouble.cell import Plan
 from tests.trouble.table_cell import TablePlan
 
 
@@ -49,3 +51,23 @@ def test_what_files_and_poses_put_off_is_one_step_and_not_two_that_add_in_square
     sigmas = np.sqrt(np.diag(result["turntable_covariance"]))[3:]
     assert np.linalg.norm(off) < 3 * np.linalg.norm(sigmas)
     assert np.linalg.norm(sigmas) < 1.2
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_lengths_that_only_the_poses_as_told_need_are_not_held_against_the_workpiece(seed: int) -> None:
+    """Depths half a per cent too long look like the arm's lengths once they stay in the files."""
+
+    def sharp(plan: Plan, _: np.random.Generator) -> None:
+        plan.shifts, plan.tilts, plan.position_mm, plan.orientation_rad = 10, 50, 0.01, 2e-5
+        plan.scanner = lambda p, _: p * [1.0, 1.005]
+
+    made = troubled(Trouble("depths", sharp), seed)
+    result = solve_stage(made.session, "tcp", made.files.__getitem__)
+    assert isinstance(result, TcpResult)
+    assert result.workpiece is not None
+    point = np.array(result.workpiece.point_in_laser_mm)
+    found, truth = np.array(result.tool0_from_laser), made.tool0_from_laser
+    off = found[:3, :3] @ (point * [1, 1, 1.005]) + found[:3, 3] - truth[:3, :3] @ point - truth[:3, 3]
+    covariance = np.array(result.workpiece.covariance)
+    assert off @ np.linalg.solve(covariance, off) < 7.81  # 95 % of three
+    assert np.sqrt(np.linalg.eigvalsh(covariance)[-1]) < 2 * np.linalg.norm(off)

@@ -19,7 +19,7 @@ class Chain(Stage):
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
-    method_revision = 29  # the ± has room for spheres on the other side of the plane of light
+    method_revision = 30  # lengths that only the poses as told need are not held against the workpiece
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True

@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 28  # scales of axes under the robot are tested, and sought where beyond doubt
+    method_revision = 29  # lengths that only the poses as told need are not held against the workpiece
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s", "mount")}
     reads = SPHERE_READS
