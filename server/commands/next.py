@@ -39,7 +39,10 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
+    from calib_core.captures.content import shows_board
     from calib_core.captures.measure import measure_capture
+    from calib_core.captures.raw_frames import of_frames
+    from calib_core.captures.stripe_frames import with_solved_calibration
     from calib_core.errors import InputError
     from calib_core.graph.keys import Graph
     from calib_core.guidance.pose_list import planned_poses
@@ -54,8 +57,12 @@ def _run(options: argparse.Namespace) -> int:
         session, read = load_session(folder)
         results = stored_results(folder)
         stale = Graph.of_files(session, read).stale(results)
-        shown = [c for c in session.captures if not c.excluded and c.kind != "frame"]
-        measured = [measure_capture(session, capture, read) for capture in shown]
+        seen = with_solved_calibration(session, results)  # raw frames of the ball as camera and plane show them
+        known = seen.cell.known.camera is not None and seen.cell.known.laser_plane is not None
+        shown = [
+            c for c in session.captures if (known or not of_frames(c)) and not c.excluded and not shows_board(c)
+        ]
+        measured = [measure_capture(seen, capture, read) for capture in shown]
     if options.step not in planned_steps():
         raise InputError.unknown(options.step, planned_steps(), "--step")
     if options.count is None:

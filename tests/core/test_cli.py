@@ -211,3 +211,12 @@ def test_serve_refuses_a_taken_port(capsys, tmp_path):
 def test_common_options_stand_before_a_commands_name_or_after_it(words):
     options = parser(words).parse_args([*words, "somewhere"])
     assert (options.json, options.quiet, options.debug) == (True, False, False)
+
+
+def test_poses_are_planned_by_raw_frames_of_the_ball_too(tmp_path, capsys):
+    cell = tmp_path / "cell"
+    assert main(["simulate", "frames-tcp-known", "--seed", "3", "--out", str(cell)]) == 0
+    capsys.readouterr()
+    assert main(["next", str(cell), "--count", "2", "--json"]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    assert [one["uncertainty_mm"] < 0.3 for one in planned["poses"]] == [True, True]
