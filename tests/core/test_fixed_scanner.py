@@ -98,6 +98,14 @@ def test_the_command_line_goes_all_the_way(tmp_path: Path, capsys: pytest.Captur
     assert main(["archive", "replay", str(packed)]) == 0
 
 
+def test_its_results_before_a_table_speak_of_no_tool() -> None:
+    simulated = simulate("fixed-scanner-turntable", 7)
+    results = cc.OpenSession(simulated.session, simulated.files.__getitem__).run()
+    said = {name: [one.method, *one.warnings, *one.notes] for name, one in results.items()}
+    assert "turntable" in said
+    assert [(name, text) for name, texts in said.items() for text in texts if " tool" in text] == []
+
+
 def test_the_guide_speaks_of_the_ball_on_the_flange() -> None:
     simulated = simulate("fixed-scanner", 7)
     session = simulated.session

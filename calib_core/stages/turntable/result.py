@@ -27,7 +27,7 @@ from calib_core.stages.turntable.record import (
 )
 from calib_core.stages.turntable.verdict import undetermined_of_table
 
-METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, tool held"
+METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, scanner held"
 
 
 def turntable_result(
