@@ -14,6 +14,7 @@ from calib_core.simulation import TOPOLOGY_SCENARIOS, SimulatedSession
 from calib_core.simulation.motion import pose
 from calib_core.simulation.profile_cell import pose_numbers
 from calib_core.simulation.scenarios import TcpScenario
+from calib_core.simulation.topology import ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.recheck.record import RecheckResult
@@ -22,6 +23,10 @@ from tests.core.test_simulation import matrix_from_abb
 from tests.core.test_simulation_topology import moved
 
 RAIL = replace(TOPOLOGY_SCENARIOS["rail"], cell=TcpScenario(translations=6, orientations=24))
+GANTRY = replace(
+    TOPOLOGY_SCENARIOS["gantry"],
+    scanners=(ScannerOptions("left", "tool0", 0.0), ScannerOptions("right", "tool0", 0.3)),
+)
 POSITIONER = replace(TOPOLOGY_SCENARIOS["positioner"], told="names", on_axes=24)
 
 
@@ -138,3 +143,36 @@ def test_each_capture_is_verified_by_its_own_scanners_mount() -> None:
     assert result.verdict != "fail"
     assert result.chance > 0.001
     assert result.held_out_scatter_rms_mm < 0.3
+
+
+def verified_gantry(scenario: Any, seed: int, turned_rad: float = 0.0) -> VerifyResult:
+    """Return what every other capture of each scanner says of what the others say, scanners turned since then."""
+    cell = simulated_cell(scenario, seed)
+    record, files = cell.session.to_json(), dict(cell.files)
+    record["cell"]["verification"] = {"tool_mm": 1.0}
+    cosine, sine = np.cos(turned_rad), np.sin(turned_rad)
+    for name in record["cell"]["scanners"]:
+        for capture in [one for one in record["captures"] if one["scanner"] == name][::2]:
+            capture["step"] = "verify"
+            rows = files[capture["files"][0]].decode().splitlines()
+            points = [[float(v) for v in row.split(",")[:2]] for row in rows[1:] if row.split(",")[1]]
+            turned = [f"{cosine * x - sine * z:.4f},{sine * x + cosine * z:.4f}" for x, z in points]
+            files[capture["files"][0]] = "\n".join(["x_mm,z_mm", *turned]).encode()
+    result = solve_stage(Session.model_validate(record), "verify", files.__getitem__)
+    assert isinstance(result, VerifyResult)
+    return result
+
+
+def test_scanners_on_a_gantry_are_verified_by_what_it_determines() -> None:
+    tool = verified_gantry(GANTRY, 2).checks[0]
+    assert tool.uncertainty_mm < 1.0  # their places, which it leaves open, are needed nowhere: 700 mm with them
+    assert tool.value_mm < 1.0 + tool.uncertainty_mm
+    turned = verified_gantry(GANTRY, 2, 0.03)
+    assert turned.checks[0].value_mm > 3.0  # 0.03 rad at 190 mm
+    assert turned.decision == "fail"
+
+
+def test_scanners_at_both_ends_of_a_gantry_are_verified() -> None:
+    scenario = replace(TOPOLOGY_SCENARIOS["scanners-on-flange-and-base"], machine="gantry", cell=GANTRY.cell)
+    tool = verified_gantry(scenario, 1).checks[0]
+    assert tool.uncertainty_mm < 10.0

@@ -20,6 +20,7 @@ _MEDIAN_CHI2_3 = 2.366
 _TOOL_STEPS, _OPEN = np.array([*[0.01] * 3, *[1.0] * 3]), 1e-4  # rad, mm; of what captures hardly see
 _MOST_EXPLAINED = 0.95  # of the variance of an answer along any direction, by the arm at the captures
 _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
+_HELD_MM = 1e-3  # of what answer and captures both leave open: nothing that the tool is used for depends on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +222,8 @@ def asked_by(
         Near it.
     tool : Tool
         That is verified.  Its covariance is not used, but that it is off by more than 0.5 rad or 300 mm is not
-        believed: motions that leave it open have a large uncertainty.
+        believed: motions that leave it open have a large uncertainty.  Where the answer leaves its place open too,
+        as a machine that does not turn must, it is held.
     """
     believed = np.diag([0.0] * 3 + [1 / _PRIOR_RAD**2] * 3 + [1 / _PRIOR_MM**2] * 3)
     at, center, best = start, center_mm, np.inf
@@ -235,6 +237,8 @@ def asked_by(
         design = np.concatenate([by_center, by_tool], axis=2)
         weights: FloatArray = np.asarray(np.linalg.inv(covariances), dtype=float)
         turned = np.swapaxes(design, 1, 2) @ weights
+        if found is None and len(tool.left_open):
+            believed[6:, 6:] += _held(covariance_of((turned @ design).sum(axis=0) + believed), tool)
         covariance = covariance_of((turned @ design).sum(axis=0) + believed)
         deviation = np.concatenate([np.zeros(3), tool.mount_from_laser.difference(trial)])
         here = Asked(trial, place, residuals, weights, design, covariance, points, tool)
@@ -248,6 +252,14 @@ def asked_by(
             break
     assert found is not None
     return found
+
+
+def _held(covariance: FloatArray, tool: Tool) -> FloatArray:
+    """Return the weight (3, 3) by which a tool's place is held where captures leave it open as the answer does."""
+    along = tool.left_open
+    variances, turn = np.linalg.eigh(along @ covariance[6:, 6:] @ along.T)
+    held = turn[:, variances > (_PRIOR_MM / 10) ** 2].T @ along
+    return held.T @ held / _HELD_MM**2
 
 
 def asked_with_scatter(

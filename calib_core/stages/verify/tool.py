@@ -12,6 +12,7 @@ from calib_core.chain.observations import Observations, SphereObservation, Spher
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records.results import FoundFrame
 from calib_core.stages.tcp.record import ToolResult
+from calib_core.stages.undetermined_places import FAR_MM
 from calib_core.stages.verify.arm_scatter import ArmScatter
 from calib_core.stages.verify.scanner_scatter import ScannerScatter
 
@@ -46,6 +47,8 @@ class Tool:
         The same of several scanners by their names.
     spheres : sequence of (str, str, (3,))
         The balls that the answer has, by name: what carries each, and where its centre is there.
+    left_open : (m, 3)
+        Along what the answer leaves the scanner's place open, on what carries it: nothing needs it there.
     """
 
     mount_from_laser: RigidTransform
@@ -63,6 +66,7 @@ class Tool:
     scanner: ScannerScatter | None = None
     others_scatter: Mapping[str, ScannerScatter] = field(default_factory=dict[str, ScannerScatter])
     spheres: Sequence[tuple[str, str, FloatArray]] = ()
+    left_open: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
@@ -81,7 +85,8 @@ class Tool:
             others_scatter={name: ScannerScatter.of(one) for name, one in (answer.scanner_errors or {}).items()},
             spheres=[(one.name, one.carrier, np.array(one.center_mm)) for one in answer.spheres],
             scatter_freedom=np.inf if parts.degrees_of_freedom is None else parts.degrees_of_freedom,
-        )
+            left_open=np.reshape(answer.up_to_shift.directions if answer.up_to_shift else [], (-1, 3)),
+        )._without_far()
 
     def straightened(
         self, observations: Observations, center_mm: FloatArray, radius_mm: float
@@ -138,5 +143,22 @@ class Tool:
             covariance=covariance,
             sheet_per_mm=self.sheets_per_mm.get(name, 0.0),
             scanner=self.others_scatter.get(name),
+            arm=self.arm and self.arm.of_other(),
+            left_open=self.left_open if mount.into == self.mount_from_laser.into else np.empty((0, 3)),
+        )._without_far()
+
+    def _without_far(self) -> "Tool":
+        """Return the same with what is known to metres alone left open: nothing that it is used for needs it."""
+        variances, turn = np.linalg.eigh(self.covariance[3:, 3:])
+        far = turn[:, variances > FAR_MM**2].T
+        if not len(far):
+            return self
+        kept = np.eye(6)
+        kept[3:, 3:] -= far.T @ far
+        return replace(
+            self,
+            covariance=kept @ self.covariance @ kept.T,
+            left_open=np.vstack([self.left_open, far]),
+            scanner=self.scanner and replace(self.scanner, with_tool=kept @ self.scanner.with_tool),
             arm=self.arm and self.arm.of_other(),
         )
