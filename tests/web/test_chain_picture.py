@@ -100,6 +100,41 @@ def test_parts_are_added_dragged_and_moved_by_keyboard(open_page: Open, address:
     ]  # fmt: skip
 
 
+def test_what_is_known_of_axes_and_balls_is_told_and_kept(open_page: Open, address: str) -> None:
+    page = new_cell(open_page)
+    table = page.get_by_label("The part or the sphere is on a turntable")
+    page.locator("summary", has_text="More").last.click()
+    expect(table).to_be_visible()
+    page.locator("summary", has_text="Chain of the cell").click()
+    page.get_by_role("button", name="Add rotary axis").click()
+    expect(table).to_be_hidden()
+    page.get_by_label("Sense of its angles").select_option("-1")
+    page.get_by_label("Readings").select_option("exact")
+    page.get_by_label("Standard deviation of the reading, °").fill("0,004")
+    page.keyboard.press("Shift+Tab")
+    expect(page.get_by_label("Readings")).to_be_focused()  # what is told moves nothing under the hands
+    page.get_by_role("button", name="Add ball").click()
+    page.get_by_label("Distance to ball1 in mm").fill("120.013")
+    page.get_by_label("Its standard uncertainty to ball1, mm").fill("0.002")
+    page.get_by_label("Name", exact=True).first.fill("far")
+    page.keyboard.press("Tab")
+    cell = stored_cell(page, address)
+    axis = {"name": "axis1", "kind": "rotary", "carries": "object", "on": "base"}
+    assert cell["axes"] == [axis | {"direction": -1, "encoder": "exact", "sigma_deg": 0.004}]
+    assert cell["sphere_distances"] == [{"between": ["far", "ball1"], "mm": 120.013, "sigma_mm": 0.002}]
+    assert "turntable" not in cell
+    page.get_by_role("button", name="Edit cell").click()
+    page.locator("[data-part='ball:far']").click()
+    expect(page.get_by_label("Distance to ball1 in mm")).to_have_value("120.013")
+    page.locator("[data-part='axis1']").click()
+    page.get_by_label("Readings").select_option("")
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    session = page.url.rsplit("/", 1)[1].partition("#")[0]
+    after = httpx.get(f"{address}/api/v1/sessions/{session}", trust_env=False).json()["cell"]
+    assert after == cell | {"axes": [axis | {"direction": -1, "sigma_deg": 0.004}]}
+
+
 def test_the_page_lists_simulated_cells_that_there_are(open_page: Open) -> None:
     source = (Path(__file__).resolve().parents[2] / "web" / "pages" / "start.js").read_text(encoding="utf-8")
     names = re.findall(r'"([a-z-]+)"', source.split("OTHER_CELLS = ")[1].split("]")[0])

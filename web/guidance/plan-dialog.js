@@ -3,7 +3,7 @@
 import { api } from "../state/api.js";
 import { json, request } from "../state/http.js";
 import { h, make } from "../dom.js";
-import { ChainPictureElement } from "../measure/chain-picture.js";
+import { ChainPictureElement, turntableBox } from "../measure/chain-picture.js";
 import { go } from "../router.js";
 import { fixed, plusMinus } from "../format.js";
 import { said, t } from "../texts.js";
@@ -30,14 +30,13 @@ export function planDialog() {
   const [field, scanner, wanted, part] = [fields(FIELD), fields(SCANNER), fields(WANTED), fields(TABLE, "table_")];
   const arm = choice("plan-arm", t("plan.arm"), ARMS.map((one) => [one, t(`plan.arm_${one}`)]));
   const sphere = choice("plan-sphere", t("plan.sphere_class"), SPHERES.map((one) => [one, t(`plan.sphere_${one}`)]));
-  const table = h("input", { id: "plan-table", type: "checkbox" });
   const ofTable = h("div", { class: "fields", hidden: true }, ...part.map(({ element }) => element));
   const machine = choice("plan-machine", t("plan.machine"), MACHINES.map((one) => [one, t(`plan.machine_${one}`)]));
   const chain = make(ChainPictureElement, { cell: {} });
-  table.addEventListener("change", () => { ofTable.hidden = !table.checked; chain.turntable = table.checked; });
+  const { element: tableRow, input: table } = turntableBox(chain, "plan-table", t("plan.table"), (there) => { ofTable.hidden = !there; });
   /** The cell by its edges, the turntable as one of its axes. */
   const edges = () => {
-    const { axes = [], ...told } = chain.value;
+    const { axes = [], sphere_distances: _, ...told } = chain.value;
     const all = table.checked && !axes?.some(({ name }) => name === TURNTABLE.name) ? [...(axes ?? []), TURNTABLE] : axes ?? [];
     return { ...told, ...(all.length && { axes: all }), ...(machine.select.value !== "arm" && { machine: machine.select.value }) };
   };
@@ -74,7 +73,7 @@ export function planDialog() {
     h("form", { class: "plan-form", novalidate: true, onsubmit: submit },
       h("h3", {}, t("plan.scanner")), h("div", { class: "fields" }, ...[...field, ...scanner].map(({ element }) => element)),
       h("h3", {}, t("plan.cell")), h("div", { class: "fields" }, arm.element, sphere.element, ...wanted.map(({ element }) => element)),
-      h("div", { class: "row" }, table, h("label", { for: "plan-table" }, t("plan.table"))), ofTable,
+      tableRow, ofTable,
       h("details", {}, h("summary", {}, t("chain.title")), h("div", { class: "fields" }, machine.element), chain),
       h("div", { class: "row end" }, h("button", { type: "button", needs: "capture", onclick: () => void simulate() }, t("plan.simulate")), button)), problem, answer);
 }

@@ -9,7 +9,7 @@ import { conventions } from "../state/registries.js";
 import { maybe, t } from "../texts.js";
 import { did, patchBack } from "../state/undo.js";
 import { bring } from "../state/upload.js";
-import { ChainPictureElement } from "./chain-picture.js";
+import { ChainPictureElement, turntableBox } from "./chain-picture.js";
 import { conventionWords } from "./pose-columns.js";
 import { alarm, closeButton, once, showDialog } from "../components/dialog.js";
 import { attempt } from "../components/toasts.js";
@@ -151,8 +151,6 @@ function fill(form, { name, cell, captures }) {
     position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
     arm: cell.robot?.arm ? JSON.stringify(cell.robot.arm) : "", arm_errors: cell.robot?.errors === "apply" ? "apply" : "",
   };
-  const turntable = form.elements.namedItem("turntable");
-  if (turntable instanceof HTMLInputElement) turntable.checked = hasTable({ cell });
   for (const [key, value] of Object.entries(values)) {
     const control = form.elements.namedItem(key);
     if (control instanceof HTMLInputElement || control instanceof HTMLSelectElement) control.value = String(inField(value));
@@ -164,7 +162,8 @@ function fill(form, { name, cell, captures }) {
  * @param {SessionBody} body
  */
 function asChange(body) {
-  return JSON.parse(JSON.stringify(body, (_, value) => (value === undefined ? null : value)));
+  // Lists are replaced as a whole: what is left out in them needs no null.
+  return JSON.parse(JSON.stringify(body, (_, value) => (value === undefined ? null : Array.isArray(value) ? JSON.parse(JSON.stringify(value)) : value)));
 }
 
 /** @param {SessionOut} [session] the one to correct; a new one otherwise */
@@ -176,7 +175,7 @@ export const cellDialogFor = (convention, found, diameter_mm) => attempt(async (
 /** @param {ConventionInfo[]} conventions @param {SessionOut} [session] @param {{ convention: PoseConvention | undefined, found: Found[], diameter_mm?: number | undefined }} [brought] */
 function open(conventions, session, brought) {
   const told = alarm();
-  const chain = make(ChainPictureElement, { cell: session?.cell ?? {}, turntable: hasTable(session) });
+  const chain = make(ChainPictureElement, { cell: session?.cell ?? {}, turntable: hasTable(session) }), table = turntableBox(chain, "new-turntable", t("new.turntable"));
   const form = h(
     "form", { method: "dialog", novalidate: true },
     h("h2", { id: "new-title" }, t(session ? "cell.correct" : "new.title")),
@@ -186,7 +185,7 @@ function open(conventions, session, brought) {
     boardFields(),
     h("details", { open: !!(session?.cell.scanners || session?.cell.axes || session?.cell.spheres) }, h("summary", {}, t("chain.title")), chain),
     h("details", {}, h("summary", {}, t("menu.open")), h("div", { class: "more-fields" },
-      h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes", onchange: (/** @type {Event} */ { target }) => { chain.turntable = /** @type {HTMLInputElement} */ (target).checked; } }), h("label", { for: "new-turntable" }, t("new.turntable"))),
+      table.element,
       field("new-name", t("name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
       h("button", { type: "button", class: "plain wide", onclick: async (/** @type {Event} */ { target }) => (await import("../guidance/certificate.js")).fillFromCertificate(/** @type {HTMLButtonElement} */ (target).form) }, t("new.certificate")),

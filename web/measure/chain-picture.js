@@ -20,6 +20,8 @@ export class ChainPictureElement extends HTMLElement {
   #selected = "";
   #turntable = false;
   #cell = /** @type {Partial<Cell>} */ ({});
+  /** @type {NonNullable<Cell["sphere_distances"]>} */
+  #distances = [];
   #isNarrow = false;
   #picture = s("svg", { role: "group", "aria-label": t("chain.label"), "aria-describedby": "chain-hint", onkeydown: (/** @type {KeyboardEvent} */ event) => this.#key(event) });
   #fields = h("div", { class: "chain-part", "aria-live": "polite" });
@@ -41,6 +43,7 @@ export class ChainPictureElement extends HTMLElement {
   /** @param {Partial<Cell>} cell */
   set cell(cell) {
     this.#cell = cell;
+    this.#distances = cell.sphere_distances ?? [];
     this.#parts = partsOf(cell, this.#turntable);
     this.#draw();
   }
@@ -53,11 +56,19 @@ export class ChainPictureElement extends HTMLElement {
     this.#draw();
   }
 
+  get hasTable() { return this.#turntable; }
+
+  /** Whether an axis of a name of its own carries the object: the plain turntable is another one then. */
+  get isAxisTold() {
+    return this.#parts.some(({ carries, implied }) => carries === "object" && !implied);
+  }
+
   /** What the record says; names that are gone are told as such, for a change of what is stored. */
   get value() {
     const value = cellOf(this.#parts);
     const gone = Object.keys(this.#cell.scanners ?? {}).map((name) => [name, undefined]);
-    return { ...value, scanners: value.scanners && { ...Object.fromEntries(gone), ...value.scanners } };
+    const balls = value.spheres?.map(({ name }) => name) ?? [], between = this.#distances.filter(({ between: ends, mm }) => mm > 0 && ends.every((end) => balls.includes(end)));
+    return { ...value, sphere_distances: between.length ? between : undefined, scanners: value.scanners && { ...Object.fromEntries(gone), ...value.scanners } };
   }
 
   #add(/** @type {Kind} */ kind, /** @type {string} */ stem) {
@@ -106,8 +117,10 @@ export class ChainPictureElement extends HTMLElement {
     this.#picture.style.maxWidth = `${width}px`;
     const chosen = this.#parts.find(({ id }) => id === this.#selected) ?? this.#parts[0];
     this.#picture.replaceChildren(...this.#parts.flatMap((part) => this.#link(part, places)), ...this.#parts.map((part) => this.#node(part, places, part === chosen)));
+    const held = document.activeElement instanceof HTMLSelectElement && this.#fields.contains(document.activeElement) ? document.activeElement.id : "";
     const editable = chosen && (!chosen.implied || chosen.kind === "scanner");
-    this.#fields.replaceChildren(...(editable ? this.#editor(chosen) : []));
+    this.#fields.replaceChildren(...(editable ? this.#editor(chosen) : []).filter((one) => one !== false));
+    if (held) /** @type {HTMLElement | null} */ (this.#fields.querySelector(`[id="${held}"]`))?.focus();
   }
 
   /** @param {Part} part @param {Map<string, { x: number, y: number }>} places */
@@ -185,29 +198,55 @@ export class ChainPictureElement extends HTMLElement {
     window.addEventListener("pointercancel", end);
   }
 
-  /** @param {Part} part @returns {HTMLElement[]} */
+  /** @param {Part} part @returns {(HTMLElement | false)[]} */
   #editor(part) {
     const change = (/** @type {Partial<Part>} */ what) => {
-      const after = withChange(this.#parts, part, what);
+      const after = withChange(this.#parts, part, what), { name: now } = what;
+      if (now && part.kind === "ball") this.#distances = this.#distances.map((one) => ({ ...one, between: one.between.map((end) => (end === part.name ? now : end)) }));
       this.#selected = after[after.length && this.#parts.length === after.length ? after.findIndex(({ id }) => !this.#parts.some((one) => one.id === id)) : -1]?.id ?? part.id;
       this.#take(after);
     };
-    const on = h("select", { onchange: () => change({ on: on.value }) }, ...carriersOf(this.#parts, part).map((other) => h("option", { value: other.id }, words(other))));
-    on.value = part.on;
+    const on = choice(part.on, carriersOf(this.#parts, part).map((other) => [other.id, words(other)]), (id) => change({ on: id }));
     const name = h("input", { type: "text", autocomplete: "off", maxlength: 64, pattern: "[A-Za-z0-9][A-Za-z0-9._\\-]*", value: part.name, onchange: () => this.#rename(part, name, change) });
+    /** @type {(HTMLElement | false)[]} */
     const fields = [field("chain-on", t("chain.carrier"), on)];
     if (part.name) fields.unshift(field("chain-name", t("name"), name));
     if (part.kind === "ball") {
-      const diameter = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", value: inField(part.diameter_mm ?? ""), onchange: () => change({ diameter_mm: diameter.value.trim() ? typedNumber(diameter.value) : null }) });
-      fields.push(field("chain-diameter", t("new.diameter"), diameter, t("chain.diameter_hint")));
+      fields.push(field("chain-diameter", t("new.diameter"), number(part.diameter_mm, (diameter_mm) => this.#tell(() => { part.diameter_mm = diameter_mm; })), t("chain.diameter_hint")));
+      for (const other of this.#parts) if (part.name && other.kind === "ball" && other !== part) fields.push(...this.#distanceFields(part.name, other.name));
     }
     if (isAxis(part.kind)) {
-      const carries = h("select", { onchange: () => change({ carries: carries.value === "robot" ? "robot" : "object" }) }, h("option", { value: "object" }, t("chain.object")), h("option", { value: "robot" }, t("chain.robot")));
-      carries.value = part.carries ?? "object";
-      fields.push(field("chain-carries", t("chain.carries"), carries));
+      const told = part.told ?? {}, sigma = part.kind === "rotary" ? "sigma_deg" : "sigma_mm";
+      const tell = (/** @type {Record<string, unknown>} */ what) => this.#tell(() => { part.told = { ...part.told, ...what }; });
+      fields.push(
+        field("chain-carries", t("chain.carries"), choice(part.carries ?? "object", [["object", t("chain.object")], ["robot", t("chain.robot")]], (carries) => change({ carries: carries === "robot" ? "robot" : "object" }))),
+        part.kind === "rotary" && field("chain-direction", t("chain.direction"), choice(String(told["direction"] ?? ""), [["", t("chain.data")], ["1", t("chain.right")], ["-1", t("chain.left")]], (way) => tell({ direction: way ? Number(way) : undefined })), t("chain.direction_hint")),
+        field("chain-encoder", t("chain.encoder"), choice(String(told["encoder"] ?? ""), [["", t("chain.data")], ["exact", t("chain.exact")], ["scale", t("chain.scale")]], (encoder) => tell({ encoder: encoder || undefined }))),
+        field("chain-sigma", t(`chain.${sigma}`), number(told[sigma], (value) => tell({ [sigma]: value ?? undefined }), true)),
+      );
     }
     if (part.implied) return fields;
     return [...fields, h("button", { type: "button", class: "plain wide", onclick: () => this.#remove(part) }, t("chain.remove", { name: words(part) }))];
+  }
+
+  /** How far two balls are apart, where it is known. @param {string} name @param {string} other */
+  #distanceFields(name, other) {
+    let known = this.#distances.find(({ between }) => between.includes(name) && between.includes(other));
+    const tell = (/** @type {{ mm?: number, sigma_mm?: number | undefined }} */ what) => this.#tell(() => {
+      const told = { between: [name, other], mm: 0, ...known, ...what };
+      this.#distances = [...this.#distances.filter((one) => one !== known), told];
+      known = told;
+    });
+    return [
+      field(`chain-distance-${other}`, t("chain.distance", { name: other }), number(known?.mm || null, (mm) => tell({ mm: mm ?? 0 }))),
+      field(`chain-distance-sigma-${other}`, t("chain.distance_sigma", { name: other }), number(known?.sigma_mm, (mm) => tell({ sigma_mm: mm ?? undefined }), true)),
+    ];
+  }
+
+  /** A change that moves nothing: the fields stay, and the focus in them. @param {() => void} change */
+  #tell(change) {
+    change();
+    this.dispatchEvent(new Event("change", { bubbles: true }));
   }
 
   /** @param {Part} part @param {HTMLInputElement} input @param {(what: Partial<Part>) => void} change */
@@ -216,6 +255,34 @@ export class ChainPictureElement extends HTMLElement {
     input.setCustomValidity(taken || !name ? t("chain.name_taken") : "");
     if (input.reportValidity()) change({ name });
   }
+}
+
+/** Whether there is a turntable: asked where no axis of another name tells it. @param {ChainPictureElement} chain @param {string} id @param {string} label @param {(there: boolean) => void} [told] */
+export function turntableBox(chain, id, label, told) {
+  const input = h("input", { type: "checkbox", name: "turntable", id, value: "yes", onchange: () => { chain.turntable = input.checked; told?.(input.checked); } });
+  const element = h("div", { class: "row whole" }, input, h("label", { for: id }, label));
+  const look = () => { element.hidden = chain.isAxisTold && !input.checked; };
+  chain.addEventListener("change", look);
+  input.checked = chain.hasTable;
+  look();
+  return { element, input };
+}
+
+/** A field of a length or an angle that may be left out. @param {unknown} value @param {(value: number | null) => void} take @param {boolean} [mayBeZero] */
+function number(value, take, mayBeZero = false) {
+  const input = h("input", { type: "text", inputmode: "decimal", autocomplete: "off", value: inField(value ?? ""), onchange: () => {
+    const typed = input.value.trim() ? typedNumber(input.value) : null;
+    input.setCustomValidity(typed === null || typed > 0 || (mayBeZero && typed === 0) ? "" : t("new.need_number"));
+    if (input.reportValidity()) take(typed);
+  } });
+  return input;
+}
+
+/** @param {string} value @param {[string, string][]} options @param {(value: string) => void} take */
+function choice(value, options, take) {
+  const select = h("select", { onchange: () => take(select.value) }, ...options.map(([one, label]) => h("option", { value: one }, label)));
+  select.value = value;
+  return select;
 }
 
 /** A part as people call it. @param {Part} part @param {boolean} [short] without its kind where it has a name */
