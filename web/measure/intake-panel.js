@@ -11,7 +11,7 @@ import { did } from "../state/undo.js";
 import { draftKey, freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "../components/base.js";
 import { addedWithReason } from "./add-reason.js";
-import { tellSent } from "./removed-captures.js";
+import { tellSent } from "./sent-captures.js";
 import { imageOf, matchTable, numbersOf, pictureOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
