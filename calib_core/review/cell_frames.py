@@ -14,10 +14,11 @@ from calib_core.cell.carriers import other_end, scanner_mount, scanner_names
 from calib_core.cell.found import answering, as_used, scanner_answered, table_seen, turntable_name
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
-from calib_core.frames import FloatArray, Frame, RigidTransform, skew
+from calib_core.frames import FloatArray, Frame, RigidTransform
 from calib_core.graph.registry import STAGES, stages
 from calib_core.records import Capture, FoundAxis, Matrix4, Record, Session
 from calib_core.records.base import Rows
+from calib_core.review.asked_frames import AskedFrame, told_by_result
 from calib_core.steps import optics_stages, steps_that_show, table_stages, tool_stages
 
 
@@ -53,17 +54,6 @@ class ListedAxis(Record):
     found: FoundAxis | None = None
 
 
-class AskedFrame(Record):
-    """A transform between two frames, along the edges `through`; its covariance holds theirs, where stated."""
-
-    name: str
-    matrix: Matrix4
-    covariance: Rows
-    through: list[str]
-    stale: bool
-    without_covariance: list[str]
-
-
 class SessionFrames(Record):
     """The frames of a session, for one of its captures where that was named, and the transform asked for."""
 
@@ -96,9 +86,9 @@ def session_frames(
     graph = frame_graph(session, results, stale, capture)
     told = None
     if asked is not None:
-        told = _told_by_result(_Solved(results, stale), *asked)
+        table = turntable_name(session.cell, results)
+        told = told_by_result(results, stale, *asked, table)
         if told is None:
-            table = turntable_name(session.cell, results)
             plain = ["turntable" if name == table else name for name in asked]
             into, outof, scanner = _of_one_scanner(session, *plain)
             way = (frame_graph(session, results, stale, capture, scanner) if scanner else graph).find(into, outof)
@@ -172,31 +162,6 @@ class _Solved:
         transform = RigidTransform.from_rounded(used[name], *frames)
         known = np.array(used[STAGES.get(stage).frames[name]], dtype=float)[:6, :6]
         return FrameEdge(*frames, "solved", stage, transform, known, scanner, stage in self.stale)
-
-
-def _told_by_result(solved: _Solved, into: str, outof: str) -> AskedFrame | None:
-    """Return a scanner's pose in another's frame, or a table's in a scanner's, where a result has it as it is."""
-    found = [stage for stage in (solved.first(tool_stages()), solved.first(table_stages())) if stage]
-    every = [(stage, frame) for stage in found for frame in solved.results[stage].get("frames") or []]
-    for stage, frame in every:
-        if {frame["into"], frame["outof"]} != {into, outof} or not frame["into"].startswith("laser"):
-            continue
-        there = RigidTransform.from_rounded(frame["matrix"], "base", "tool0")
-        covariance = np.array(frame["covariance"], dtype=float)
-        if frame["into"] != into:
-            back, moves = there.inverse(), np.zeros((6, 6))
-            moves[:3, :3], moves[3:, 3:] = -there.rotation, -back.rotation
-            moves[3:, :3] = skew(back.translation_mm)
-            there, covariance = back, moves @ covariance @ moves.T
-        return AskedFrame(
-            name=f"{into}_from_{outof}",
-            matrix=there.to_rows(),
-            covariance=covariance.tolist(),
-            through=[f"{frame['into']}_from_{frame['outof']}"],
-            stale=stage in solved.stale,
-            without_covariance=[],
-        )
-    return None
 
 
 def _of_one_scanner(session: Session, into: str, outof: str) -> tuple[str, str, str | None]:
