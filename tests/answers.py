@@ -13,11 +13,14 @@ from typing import Any, Final
 
 from calib_core.archive.folder import result_data
 from calib_core.captures.measure import measure_capture
+from calib_core.causes.session import session_causes
 from calib_core.errors import CalibrationError
 from calib_core.findings import sentence_of
 from calib_core.guidance.solved_cell import solved_cell
 from calib_core.guidance.solved_plan import planned_captures
 from calib_core.records import Session
+from calib_core.review.answer import answer_of_folder
+from calib_core.review.cell_frames import session_frames
 from calib_core.review.check import check_session
 from calib_core.simulation import simulate
 from calib_core.stages.evidence import html_of, text_of
@@ -45,9 +48,20 @@ SIMULATED: Final = (
     "scanners-on-flange-and-base",
     "plate-distances",
     "rail",
+    "gantry-turntable",
+    "tcp-clouds",
+    "tcp-metres",
+    "turntable-reversed",
+    "verify",
+    "laser-plane",
+    "camera-charuco",
+    "ball",
 )
-WITH_PAGES: Final = ("tcp-spoiled", "turntable-wobble")
-_NOT_KEPT: Final = ("evidence", "inputs_sha256", "software", "solved", "provenance", "seal", "said")
+WITH_PAGES: Final = ("tcp-spoiled", "turntable-wobble", "verify", "ball", "laser-plane")
+WITH_ANSWER: Final = ("gantry-turntable", "tcp-clouds", "turntable-reversed", "verify", "laser-plane", "ball")
+_NOT_KEPT: Final = (
+    *("evidence", "inputs_sha256", "software", "solved", "verified", "provenance", "seal", "said"),
+)
 _NEGATIVE_ZERO: Final = re.compile(r"-(?=0(?:\.0+)?(?![\d.]))")
 
 
@@ -68,10 +82,16 @@ def answers(name: str) -> dict[str, Any]:
     try:
         results = run(session, files.__getitem__)
     except CalibrationError as error:
-        return told | {"refused": str(error)}
+        causes = [cause.model_dump(mode="json") for cause in session_causes(session, files.__getitem__, {})]
+        return told | {"refused": str(error), "causes": causes}
     told["after"] = guide(session, measured, results).model_dump(mode="json")
-    told["results"] = {stage: _kept(result_data(result)) for stage, result in results.items()}
+    whole = {stage: result_data(result) for stage, result in results.items()}
+    told["results"] = {stage: _kept(result) for stage, result in whole.items()}
     told["texts"] = {stage: text_of(result) for stage, result in results.items()}
+    if name in WITH_ANSWER:
+        told["frames"] = _kept(session_frames(session, whole).model_dump(mode="json"))
+    if name in WITH_ANSWER and (answer := answer_of_folder(session, whole, files.__getitem__)) is not None:
+        told["answer"] = _kept(answer.model_dump(mode="json"))
     if name in WITH_PAGES:
         told["pages"] = {stage: html_of(result).partition("</style>")[2] for stage, result in results.items()}
     known = solved_cell(session, measured, told["results"])

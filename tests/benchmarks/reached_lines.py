@@ -53,8 +53,9 @@ def noted(root: Path, folder: Path) -> Path:
 def reaching(folder: Path, source: Path, line: int, most_s: float) -> list[str]:
     """Return the tests that run a line; outside functions those that run any line of its file within one.
 
-    Fast ones are taken first, and one of each function before others of it, until they take `most_s`. A statement
-    of several lines is known by its first.
+    Fast ones are taken first, and one of each function before others of it, until they take `most_s`; after them
+    the others of their files, which may ask of what one computed for all. A statement of several lines is known by
+    its first.
     """
     by_line, seconds = _lines(folder, source), _took(folder)
     tree = ast.parse(source.read_text(encoding="utf-8"))
@@ -63,18 +64,30 @@ def reaching(folder: Path, source: Path, line: int, most_s: float) -> list[str]:
     firsts = [n.lineno for n in ast.walk(tree) if isinstance(n, ast.stmt) and line in range(n.lineno, _end(n))]
     some = {max(firsts, default=line)} if line in inside else inside  # what is outside runs with the first import
     tests = {test for k in some for test in by_line.get(k, ()) if test}
+    files = {_file(test) for test in tests}
+    beside = {test for test in seconds if _file(test) in files} - tests
+    left_s, taken = most_s, []
+    for test in [*_in_turns(tests, seconds), *_in_turns(beside, seconds)]:
+        took_s = seconds.get(test, most_s)
+        if took_s < left_s:
+            left_s -= took_s
+            taken.append(test)
+    return taken
+
+
+def _in_turns(tests: set[str], seconds: dict[str, float]) -> list[str]:
+    """Return tests, fast ones first, and one of each function before others of it."""
     seen: Counter[str] = Counter()
     turns: list[tuple[int, str]] = []
-    for test in sorted(tests, key=lambda one: (seconds.get(one, most_s), one)):
+    for test in sorted(tests, key=lambda one: (seconds.get(one, float("inf")), one)):
         function = test.partition("[")[0]
         turns.append((seen[function], test))
         seen[function] += 1
-    left_s, taken = most_s, []
-    for _, test in sorted(turns, key=lambda turn: turn[0]):
-        left_s -= seconds.get(test, most_s)
-        if left_s > 0:
-            taken.append(test)
-    return taken
+    return [test for _, test in sorted(turns, key=lambda turn: turn[0])]
+
+
+def _file(test: str) -> str:
+    return test.partition("::")[0]
 
 
 def _end(node: ast.stmt) -> int:

@@ -7,7 +7,7 @@ import pytest
 from tests.answers import answers, differences, kept, plain, sessions
 
 
-@pytest.mark.thorough(keep=24)
+@pytest.mark.thorough(keep=32)
 @pytest.mark.parametrize("name", sessions())
 def test_a_session_is_answered_as_before(name: str) -> None:
     found = differences(kept(name), plain(answers(name)))
