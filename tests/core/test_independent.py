@@ -14,7 +14,7 @@ def smoothed(count: int, over: float, seed: int) -> list[np.ndarray]:
     """Return profiles of noise that forgets itself, as many points worth one as `over` says."""
     kept = (over - 1) / (over + 1)
     driven = np.random.default_rng(seed).normal(0, 0.02, (count, 1000))
-    return [lfilter([1.0], [1.0, -kept], row)[-len(ANGLE) :] for row in driven]
+    return [np.asarray(lfilter([1.0], [1.0, -kept], row))[-len(ANGLE) :] for row in driven]
 
 
 def along(profiles: list[np.ndarray], shape: np.ndarray = NO_SHAPE) -> float:
