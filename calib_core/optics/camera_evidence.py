@@ -34,7 +34,7 @@ MODELS: Final = templates({
     "tilted": "tilted sensor",
     "segmental": "segments over depth",
 })  # fmt: skip
-_BENDS: Final = templates({0: "{model}", 3: "{model} + bend", SHAPE_TERMS: "{model} + cubic bend"})
+_BENDS: Final = templates({3: "{model} + bend", SHAPE_TERMS: "{model} + cubic bend"})
 
 
 def coverage(fit: "Fit", layout: "Layout", image_size: tuple[int, int], inflation: float) -> Coverage:
@@ -211,7 +211,8 @@ def _of_lens(solution: "CameraSolution") -> list[Finding]:
 
 
 def _named(candidate: Candidate) -> str:
-    return message(_BENDS.get(candidate.shape_terms, _BENDS[0]), model=MODELS[candidate.model])
+    name, bend = MODELS[candidate.model], _BENDS.get(candidate.shape_terms)
+    return name if bend is None else message(bend, model=name)
 
 
 def _of_model(solution: "CameraSolution") -> list[Finding]:
