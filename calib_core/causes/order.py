@@ -20,33 +20,34 @@ _LONGEST_SEARCHED = 40
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """Poses handed out: `pose_of` (K,) is the place of each capture's pose, −1 where none fits."""
+    """Poses handed out: `pose_of` (K,) is the place of each capture's pose, −1 where none fits, `own` (K,) was."""
 
     pose_of: np.ndarray
+    own: np.ndarray
     cost: float
 
     @property
     def moved(self) -> list[int]:
         """The captures that get another one's pose."""
-        return [k for k, place in enumerate(self.pose_of.tolist()) if place not in (k, -1)]
+        return [k for k, place in enumerate(self.pose_of.tolist()) if place not in (self.own[k], -1)]
 
     @property
     def lost(self) -> list[int]:
         """The captures whose pose went to another one and that fit none."""
         taken = set(self.pose_of.tolist())
-        return [k for k, place in enumerate(self.pose_of.tolist()) if place == -1 and k in taken]
+        return [k for k, place in enumerate(self.pose_of.tolist()) if place == -1 and self.own[k] in taken]
 
     @property
     def swapped(self) -> bool:
         """Whether the moved captures go in pairs that exchange their poses."""
-        places = self.pose_of.tolist()
-        return bool(self.moved) and all(places[places[k]] == k for k in self.moved)
+        given = dict(zip(self.own.tolist(), self.pose_of.tolist(), strict=True))
+        return bool(self.moved) and all(given.get(given[self.own[k]]) == self.own[k] for k in self.moved)
 
     @property
     def step(self) -> int | None:
         """By how many places the poses are shifted, None where the moved captures do not agree on one."""
         moved = self.moved
-        steps = [int(self.pose_of[k]) - k for k in moved]
+        steps = [int(self.pose_of[k] - self.own[k]) for k in moved]
         usual = max(set(steps), key=steps.count) if steps else 0
         run = [k for k, step in zip(moved, steps, strict=True) if step == usual]
         whole = len(run) >= max(2, len(moved) - 1) and run == list(range(run[0], run[-1] + 1))
@@ -69,42 +70,42 @@ def shifts(count: int) -> Iterator[np.ndarray]:
             yield places
 
 
-def handed_out(misfits_mm: FloatArray, scale_mm: float, allowed: bool = True) -> Order:
+def handed_out(misfits_mm: FloatArray, scale_mm: float, own: np.ndarray, allowed: bool = True) -> Order:
     """Return the poses handed out so that the captures fit best; every pose is given once.
 
     Parameters
     ----------
-    misfits_mm : (K, K)
+    misfits_mm : (K, N)
         Of captures (rows) at recorded poses (columns).
     scale_mm : float
+    own : (K,)
+        Which of the poses was recorded with each capture.
     allowed : bool, optional
         Whether captures may get another one's pose at all.
     """
     from scipy.optimize import linear_sum_assignment
 
-    count = len(misfits_mm)
-    own = np.minimum(np.diag(cost_of(misfits_mm, scale_mm)), _MOST_COST)
+    everyone = np.arange(len(misfits_mm))
+    costs = np.minimum(cost_of(misfits_mm, scale_mm), _MOST_COST)
+    as_told = costs[everyone, own]
     if not allowed:
-        return Order(np.arange(count), float(own.sum()))
-    costs = np.minimum(cost_of(misfits_mm, scale_mm), _MOST_COST) + _MOVED_COST
-    np.fill_diagonal(costs, own)
+        return Order(own, own, float(as_told.sum()))
+    costs += _MOVED_COST
+    costs[everyone, own] = as_told
     rows, places = linear_sum_assignment(costs)
-    pose_of = np.arange(count)
+    pose_of = own.copy()
     for capture, place in zip(rows.tolist(), places.tolist(), strict=True):
-        if capture == place:
+        if place == own[capture]:
             continue
-        here, there = misfits_mm[capture, capture], misfits_mm[capture, place]
+        here, there = misfits_mm[capture, own[capture]], misfits_mm[capture, place]
         fits = there < _FITS * scale_mm and here > max(_LEAST_OFF_MM, _MISFITS * there)
         pose_of[capture] = place if fits else -1
-    taken = {place for k, place in enumerate(pose_of.tolist()) if place not in (k, -1)}
-    for capture in range(count):  # one that fits nothing better keeps its own, unless another one has that
-        if pose_of[capture] == -1 and capture not in taken:
-            pose_of[capture] = capture
-    cost = sum(
-        _MOST_COST if place == -1 else float(own[k]) if place == k else float(costs[k, place])
-        for k, place in enumerate(pose_of.tolist())
-    )
-    return Order(pose_of, cost)
+    taken = set(pose_of[(pose_of != own) & (pose_of >= 0)].tolist())
+    for capture in everyone.tolist():  # one that fits nothing better keeps its own, unless another one has that
+        if pose_of[capture] == -1 and own[capture] not in taken:
+            pose_of[capture] = own[capture]
+    cost = np.where(pose_of == -1, _MOST_COST, costs[everyone, pose_of]).sum()
+    return Order(pose_of, own, float(cost))
 
 
 def whole_orders(names: Sequence[str]) -> list[tuple[str, np.ndarray]]:

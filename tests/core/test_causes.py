@@ -1,6 +1,7 @@
 """Root causes: wrong readings and orders of poses are named first, and Apply repairs them."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -122,6 +123,49 @@ def test_poses_before_other_scanners_are_doubted_where_they_are_wrong_alone(scan
         assert ("inverted" if inverse else "'kuka'") in cause.title
         mended, _ = applied(wrong, changes_for(wrong, cause))
         assert repaired(mended, cell.poses)
+
+
+@cache
+def several_scanners(scenario: str) -> Measured:
+    """Return a cell whose scanners take captures by turns, each with a pose of its own."""
+    made = simulate(scenario, 4)
+    each = {
+        name: [c for c in made.session.captures if c.scanner == name] for name in made.session.cell.scanners or {}
+    }
+    turns = [capture for turn in zip(*each.values(), strict=True) for capture in turn]
+    session = made.session.model_copy(update={"captures": turns})
+    observations = [observe_capture(session, c, made.files.__getitem__) for c in turns]
+    return Measured(session, observations, sphere_of(session.cell, turns))
+
+
+@pytest.mark.parametrize(("scenario", "step"), [("two-scanners-in-turn", 1), ("scanners-on-flange-and-base", -1)])
+def test_poses_shifted_across_the_captures_of_several_scanners_are_named_and_handed_out_anew(
+    scenario: str, step: int
+) -> None:
+    cell = several_scanners(scenario)
+    count = len(cell.session.captures)
+    wrong = reordered(cell.session, [(k + step) % count for k in range(count)])
+    cause, *others = causes_found(cell, wrong)
+    assert not others
+    assert cause.kind == "pose-list-order"
+    assert cause.captures == [c.id for c in wrong.captures]
+    mended, _ = applied(wrong, changes_for(wrong, cause))
+    assert repaired(mended, cell.poses)
+
+
+def test_poses_shifted_from_a_capture_on_are_named_for_all_scanners() -> None:
+    cell = several_scanners("scanners-on-flange-and-base")
+    count, first = len(cell.session.captures), len(cell.session.captures) // 2 + 3
+    run = [*range(first, count)]
+    wrong = reordered(cell.session, [*range(first), *run[1:], run[0]])
+    cause = causes_found(cell, wrong)[0]
+    assert cause.kind == "shifted-poses"
+    mended, _ = applied(wrong, changes_for(wrong, cause))
+    assert sum(c.excluded for c in mended.captures) <= 1
+    ends = {*range(first - 1, first + 1), count - 1}  # where only the other scanner's captures could tell
+    middle = [k for k in range(count) if k not in ends]
+    some = mended.model_copy(update={"captures": [mended.captures[k] for k in middle]})
+    assert repaired(some, [cell.poses[k] for k in middle])
 
 
 def test_right_poses_are_not_doubted(cell: Measured) -> None:
