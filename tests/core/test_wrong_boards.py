@@ -1,10 +1,12 @@
 """Boards that are described wrongly are named, whatever their kind; right ones never."""
 
 import re
+from functools import cache
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from calib_core.captures.boards import board_first, frames_not_used, likeliest_failure
 from calib_core.errors import MeasurementError
@@ -18,14 +20,19 @@ from tests.wrong_boards import RIGHT, Wrong, board_frames, wrong_descriptions
 CASES = [
     pytest.param(kind, wrong, id=f"{kind}, {wrong.name}") for kind in RIGHT for wrong in wrong_descriptions(kind)
 ]
-FRAMES = {kind: board_frames(board, 7, 1)[0] for kind, board in RIGHT.items()}
+
+
+@cache
+def frame_of(kind: str) -> NDArray[np.uint8]:
+    """Return what a camera sees of a board, rendered only where a test asks."""
+    return board_frames(RIGHT[kind], 7, 1)[0]
 
 
 @pytest.mark.thorough(keep=3)
 @pytest.mark.parametrize(("kind", "wrong"), CASES)
 def test_a_wrong_description_is_named_with_what_to_correct(kind: str, wrong: Wrong) -> None:
     with pytest.raises(MeasurementError) as caught:
-        find_board(FRAMES[kind], wrong.told)
+        find_board(frame_of(kind), wrong.told)
     assert re.search(wrong.says, str(caught.value.got))
     assert caught.value.where == "cell.board"
     assert "cell.board" in str(caught.value.to_do)
@@ -34,7 +41,7 @@ def test_a_wrong_description_is_named_with_what_to_correct(kind: str, wrong: Wro
 @pytest.mark.parametrize("kind", RIGHT)
 def test_a_right_description_finds_the_board_turned_by_any_quarter(kind: str) -> None:
     for turns in range(4):
-        view = find_board(np.ascontiguousarray(np.rot90(FRAMES[kind], turns)), RIGHT[kind])
+        view = find_board(np.ascontiguousarray(np.rot90(frame_of(kind), turns)), RIGHT[kind])
         _assert_seen_from_the_front(view.points_in_board_mm, view.points_px)
 
 
@@ -58,7 +65,7 @@ def _assert_seen_from_the_front(places_mm: np.ndarray, pixels: np.ndarray) -> No
 
 
 def test_circles_of_which_some_are_outside_are_part_of_the_told_grid() -> None:
-    frame = FRAMES["circles"].copy()
+    frame = frame_of("circles").copy()
     view = find_board(frame, RIGHT["circles"])
     shift = int(view.points_px[:, 0].max()) - frame.shape[1] + 30
     moved = np.ascontiguousarray(
