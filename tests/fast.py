@@ -59,6 +59,15 @@ def pytest_runtestloop() -> None:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    if item.nodeid not in _always and time.monotonic() - _began_s > _LAST_BEGINS_S:
-        pytest.skip("the minute is over")
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Pass over a test that begins too late, unreported: to tell thousands that they are skipped takes seconds."""
+    if item.nodeid in _always or time.monotonic() - _began_s <= _LAST_BEGINS_S:
+        return None
+    # What the test before left for this one is taken down.
+    item.session._setupstate.teardown_exact(nextitem)  # pyright: ignore[reportPrivateUsage]
+    return True
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say that there are more tests than are counted."""
+    terminalreporter.write_line("Tests for which the minute is too short were not begun, nor counted.")

@@ -6,7 +6,6 @@ from functools import cache
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calib_core.captures.boards import board_first, frames_not_used, likeliest_failure
 from calib_core.errors import MeasurementError
@@ -15,6 +14,7 @@ from calib_core.findings.codes import camera as codes
 from calib_core.optics.board import find_board
 from calib_core.optics.board_refusal import CELL_BOARD
 from calib_core.records import Board
+from calib_core.simulation.frames import ImageArray
 from tests.wrong_boards import RIGHT, Wrong, board_frames, wrong_descriptions
 
 CASES = [
@@ -23,7 +23,7 @@ CASES = [
 
 
 @cache
-def frame_of(kind: str) -> NDArray[np.uint8]:
+def frame_of(kind: str) -> ImageArray:
     """Return what a camera sees of a board, rendered only where a test asks."""
     return board_frames(RIGHT[kind], 7, 1)[0]
 
