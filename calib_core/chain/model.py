@@ -121,11 +121,6 @@ class ChainState:
         at, carrier = self.position, self.walk.layout.mounts[which][1]
         return RigidTransform.of(at.mount_rotations[which], at.mount_translations[which], carrier, "laser")
 
-    @property
-    def tool_in_laser(self) -> FloatArray:
-        """The arm from the flange to the origin of L, in L, (3,), mm."""
-        return self.tool_rotation.T @ self.tool_translation
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:

@@ -27,6 +27,11 @@ CENTER_MM = np.array([900.0, 150.0, 420.0])
 OFF_MM = np.array([1.0, -1.5, 0.5])
 
 
+def from_flange(state: ChainState) -> FloatArray:
+    """The balls from the flange, in L: the levers of the poses' turns."""
+    return state.centers_in_laser + state.tool_rotation.T @ state.tool_translation
+
+
 def observations(kinds: str, seed: int, heights_mm: FloatArray | None = None) -> list[SphereObservation]:
     """Captures of kinds p(rofile), c(loud) and m (measured centre) with noise on points and poses."""
     rng = np.random.default_rng(seed)
@@ -74,7 +79,7 @@ def problem(kinds: str, free_radius: bool, seed: int = 4) -> tuple[ChainData, Ch
     data = chain_data(observations(kinds, seed), SphereSize(2 * RADIUS_MM, 0.1 if free_radius else 0.0), None)
     near = TOOL.perturbed([1e-4, -2e-4, 1e-4, 0.02, -0.01, 0.03])
     state = ChainState.predicted(data, near.rotation, near.translation_mm, CENTER_MM + 0.02 * OFF_MM)
-    spread = pose_spread(state.centers_in_laser + state.tool_in_laser, SIGMAS)
+    spread = pose_spread(from_flange(state), SIGMAS)
     return data, state, spread, np.linalg.inv(spread)
 
 
@@ -107,7 +112,7 @@ def test_the_gradient_is_that_of_the_cost_in_what_scanners_do_wrong(kinds: str) 
     data = chain_data(observations(kinds, 4), size, None, ScannerPriors())
     state = replace(problem(kinds, True)[1], active=data.active)
     state = state.moved(np.array([*[0.0] * 9, 0.02, 0.003, -0.004, 0.006, 5e-4, 0.01, -0.01, 0.01]))
-    spread = pose_spread(state.centers_in_laser + state.tool_in_laser, SIGMAS)
+    spread = pose_spread(from_flange(state), SIGMAS)
     precision = np.linalg.inv(spread)
     at = linearise(data, state, spread, precision)
     settled = replace(state, centers_in_laser=at.centers_in_laser)
@@ -242,7 +247,7 @@ def test_the_minimum_is_one(free_radius: bool) -> None:
         for sign in (-1, 1):
             step = np.zeros(len(sigmas))
             step[p] = sign * 0.5 * sigmas[p]
-            spread_there = pose_spread(state.centers_in_laser + state.tool_in_laser, SIGMAS)
+            spread_there = pose_spread(from_flange(state), SIGMAS)
             moved = linearise(data, found.state.moved(step), spread_there, np.linalg.inv(spread_there))
             assert moved.cost > found.at.cost - 1e-6
 
