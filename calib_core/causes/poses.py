@@ -10,9 +10,9 @@ import numpy as np
 from calib_core.causes.order import Order, handed_out, shifts, whole_orders
 from calib_core.causes.readings import Reading, changes_of, moved_poses, poses_of, readings
 from calib_core.causes.search import Posed, best_starts, misfits_mm, resettled
+from calib_core.chain.guesses import random_rotations
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.start import Centers, Start, badness, centers_of, find_start
-from calib_core.chain.start_search import random_rotations
 from calib_core.findings import Finding
 from calib_core.findings.codes import causes as codes
 from calib_core.frames import FloatArray, RigidTransform

@@ -18,9 +18,9 @@ from calib_core.captures.observe import arc_observation
 from calib_core.causes.apply import settings_of
 from calib_core.causes.search import MUCH_CLOSER, Posed, started
 from calib_core.cell.carriers import carriers_of, with_diameter
+from calib_core.chain.guesses import Sought, random_rotations
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
-from calib_core.chain.start_search import Sought, random_rotations
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding
 from calib_core.findings.codes import causes as codes

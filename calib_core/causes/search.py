@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.guesses import Sought, apart, random_rotations
 from calib_core.chain.start import Centers, Start, badness, by_heights, settled
-from calib_core.chain.start_search import Sought, apart, random_rotations
 from calib_core.frames import FloatArray, RigidTransform
 
 _STARTS = 72

@@ -12,9 +12,9 @@ from itertools import permutations
 import numpy as np
 
 from calib_core.cell.layout import KnownDistance
+from calib_core.chain.guesses import random_few, random_rotations
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.start import Centers, Start, centers_of, find_starts
-from calib_core.chain.start_search import random_few, random_rotations
 from calib_core.frames import FloatArray
 
 _DRAWS = 16_000

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.cell.layout import AxisState, Layout
+from calib_core.chain.guesses import random_rotations
 from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.start import centers_of
-from calib_core.chain.start_search import random_rotations
 from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector, skew, with_third
 
 _DRAWS, _STEPS, _BEST, _SETTLING = 8000, 14, 12, 6

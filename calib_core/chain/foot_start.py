@@ -15,10 +15,10 @@ import numpy as np
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import foot_moves
 from calib_core.chain.axes_start import turns_about
+from calib_core.chain.guesses import random_rotations
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.spread import robust_costs
 from calib_core.chain.start import Centers, Start, centers_of, find_starts
-from calib_core.chain.start_search import random_rotations
 from calib_core.frames import FloatArray, RigidTransform, nearest_rotation, rotation_from_vector, skew, with_third
 
 _ROTATIONS, _ROUNDS = 48, 8

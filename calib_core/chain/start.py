@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.guesses import Sought, apart, random_few, random_rotations
 from calib_core.chain.observations import Observations, SphereSize
-from calib_core.chain.start_search import Sought, apart, random_few, random_rotations
 from calib_core.frames import FloatArray
 
 _STARTS = 240

@@ -22,7 +22,7 @@ def refine_guesses(
     Parameters
     ----------
     arm_rotations, arm_translations, measured, weight : (N or 1, K, 3, 3), (N or 1, K, 3), …
-        What each guess, or every one, is to agree with: see `start_search.Sought`.
+        What each guess, or every one, is to agree with: see `chain/guesses.py`.
     iterations : int
     rotations, linear : (N, 3, 3), (N, 6)
         R_s; the sphere's centre in base and R_sᵀT_s, mm.  Refined.

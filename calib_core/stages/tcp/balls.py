@@ -23,7 +23,7 @@ from calib_core.chain.several_starts import moving_axes
 from calib_core.chain.tcp import LEAST_CAPTURES
 from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.findings import Finding
-from calib_core.findings.codes import spheres as codes
+from calib_core.findings.codes import several_spheres as codes
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
 from calib_core.frames import FloatArray
 from calib_core.graph.stage_input import Observed, StageInput

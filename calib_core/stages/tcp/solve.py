@@ -18,7 +18,7 @@ from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, has, reasons_of, sentence_of, verdict_of
-from calib_core.findings.codes import spheres
+from calib_core.findings.codes import several_spheres
 from calib_core.findings.codes import tcp as codes
 from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
 from calib_core.graph.stage import SOFTWARE
@@ -101,7 +101,7 @@ def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding])
     if told < 2 or not has(found, codes.POSES_DO_NOT_FIT):
         return [*findings_of_balls(given.session.cell, solved.solution.held), *found]
     others = [one for one in found if one.code != codes.POSES_DO_NOT_FIT.name]
-    return [spheres.BALLS_NOT_TOLD_APART(count=told), *others]
+    return [several_spheres.BALLS_NOT_TOLD_APART(count=told), *others]
 
 
 def _balls_not_told_apart(cell: Cell, observations: Observations) -> int:
@@ -203,7 +203,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         if (others := other_arcs(given, seen, solution.each.used)) is not None:
             again = solve_tcp(others, sphere, options)
             if len(fit := np.flatnonzero(again.each.used & ~solution.each.used)):
-                noticed.append(spheres.SECOND_ARC([seen[k].capture for k in fit]))
+                noticed.append(several_spheres.SECOND_ARC([seen[k].capture for k in fit]))
                 seen, solution = others, again
         if (named := named_by_distances(cell, seen, solution)) is not None:  # whose distances are measurements
             seen = named
@@ -245,7 +245,7 @@ def _second_arcs(clearest: Observations, seen: Observations) -> list[Finding]:
         return []
     own = {id(o.points_in_laser_mm) for o in clearest}
     others = [o.capture for o in seen if id(o.points_in_laser_mm) not in own]
-    return [spheres.SECOND_ARC(others)] if others else []
+    return [several_spheres.SECOND_ARC(others)] if others else []
 
 
 def _of_balls(error: MotionError, told: int) -> MotionError:
@@ -255,7 +255,7 @@ def _of_balls(error: MotionError, told: int) -> MotionError:
 
 def _not_told_apart(told: int, got: str, where: str) -> MotionError:
     need = message("arcs of the cell's {count} spheres that can be told apart", count=told)
-    return MotionError(need, got, str(spheres.BALLS_NOT_TOLD_APART.to_do), where)
+    return MotionError(need, got, str(several_spheres.BALLS_NOT_TOLD_APART.to_do), where)
 
 
 def require_told_apart(given: StageInput, solved: SolvedTcp) -> None:
@@ -263,7 +263,7 @@ def require_told_apart(given: StageInput, solved: SolvedTcp) -> None:
     from calib_core.stages.tcp.verdict import tcp_findings
 
     found = of_several_balls(given, solved, tcp_findings(solved.solution, given.captures))
-    if has(found, spheres.BALLS_NOT_TOLD_APART):
+    if has(found, several_spheres.BALLS_NOT_TOLD_APART):
         raise _not_told_apart(_balls_not_told_apart(given.session.cell, solved.observations), "none", "tcp")
 
 
