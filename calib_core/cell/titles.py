@@ -40,6 +40,11 @@ def object_axes_title(cell: Cell) -> str:
     return axis_title(axes[0].name, axes[0].kind) if axes else message("Turntable")
 
 
+def object_only_slides(cell: Cell) -> bool:
+    """Return whether every axis that carries the object is a linear one."""
+    return {axis.kind for axis in cell.axes or () if axis.carries == "object"} == {"linear"}
+
+
 def step_title(cell: Cell, step: str) -> str | None:
     """Return what a step is called in a cell where its usual name does not fit."""
     mounts = [scanner_mount(cell, name) for name in scanner_names(cell) or (None,)]

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from calib_core.captures.content import sphere_of
 from calib_core.cell.axes import moved_axes
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.cell.described import cell_of
 from calib_core.cell.layout import MovedAxis
 from calib_core.chain.chain_data import Sigmas
@@ -160,14 +161,25 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
         spheres=[one for one, _ in tried],
         distance_mm=distance,
         offset_mm=offset,
-        where="Where the workpiece will be, at its height: the arm's errors are alike there and count for both. "
-        "On a table: once beside it, then on it, as far off the axis as the workpiece reaches, at its lowest "
-        "and at its highest, eight angles each.",
+        where=_where(told),
         limited_by=_limited_by(situation),
         table=table,
         edges=edges,
         sentence=_sentence(cell, plan),
     )
+
+
+def _where(told: Cell | None) -> str:
+    """Return where to put the sphere; of a cell of edges, as its captures have it."""
+    if told is None:
+        return message(
+            "Where the workpiece will be, at its height: the arm's errors are alike there and count for both. "
+            "On a table: once beside it, then on it, as far off the axis as the workpiece reaches, at its lowest "
+            "and at its highest, eight angles each."
+        )
+    if ball_on_flange(told):
+        return message("On the flange, where the workpiece will be held: the arm's errors are alike there.")
+    return message("Where the workpiece will be: the arm's errors are alike there. Balls on axes stand below.")
 
 
 def _thought_of(cell: CellToPlan, told: Cell, situation: Situation) -> CellThoughtOf:

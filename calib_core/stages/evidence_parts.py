@@ -147,9 +147,9 @@ def _decimals(rows: Sequence[Any], field: str) -> int:
     return 0 if all(isinstance(value, int) for value in values) else min(decimals_of(values), 4)
 
 
-def workpiece_headline(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
+def workpiece_headline(places: Sequence[AtWorkpiece], table: str = "On the table") -> list[AnyBlock]:
     """Return the one number that counts: how far off a measured point may lie, in the worst direction."""
-    for of, label in (("both", "At the workpiece"), ("tool", "At the workpiece"), ("table", "On the table")):
+    for of, label in (("both", "At the workpiece"), ("tool", "At the workpiece"), ("table", table)):
         sigmas = [place.worst_sigma_mm for place in places if place.of == of]
         if sigmas:
             return [

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from calib_core.captures.contradictions import without_scanner
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.cell.found import told_by_axes
-from calib_core.cell.titles import step_title
+from calib_core.cell.titles import object_only_slides, step_title
 from calib_core.findings import (
     as_read,
     complete_measured,
@@ -20,6 +21,7 @@ from calib_core.graph.stage import Stage
 from calib_core.messages import message, plural
 from calib_core.records import (
     Capture,
+    Cell,
     Guide,
     GuideLast,
     GuideNow,
@@ -32,6 +34,7 @@ from calib_core.records import (
     Severity,
 )
 from calib_core.stages.boards_seen import coverage_so_far
+from calib_core.stages.reviewed import OF_BALL
 from calib_core.steps import capture_steps, steps_that_show
 
 _ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
@@ -106,7 +109,7 @@ def guide(
         )
         for s, status in statuses.items()
     ]
-    current, last = _now(view), _last(session, measured)
+    current, last = _drawn(session.cell, _now(view)), _last(session, measured)
     result = view.fresh(current.stage) if current.stage is not None else None
     found = [] if result is None else findings_in(result)
     found = [*found, *without_scanner(session.cell, session.captures)]
@@ -115,6 +118,14 @@ def guide(
     return Guide(
         steps=steps, current=current, findings=judgement(told)["findings"], last_capture=last, coverage=seen
     )
+
+
+def _drawn(cell: Cell, now: GuideNow) -> GuideNow:
+    """Return an instruction whose drawing shows what the cell has: a ball on the flange, an axis that slides."""
+    drawing = OF_BALL.get(now.drawing, now.drawing) if ball_on_flange(cell) else now.drawing
+    if drawing.startswith("turntable-") and object_only_slides(cell):
+        drawing = "slide"
+    return now.model_copy(update={"drawing": drawing})
 
 
 def _data(

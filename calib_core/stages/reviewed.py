@@ -10,6 +10,14 @@ from calib_core.messages import Names, message, plural, sentences
 from calib_core.poses.numbers import to_pose
 from calib_core.records import Cell, Finding, GuideNow
 
+OF_BALL = {
+    "tcp-first": "ball-first",
+    "tcp-shift": "ball-shift",
+    "tcp-turn": "ball-turn",
+    "tcp-solve": "ball-turn",
+    "tcp-done": "ball-done",
+}
+"""Drawings of a ball that the flange carries."""
 ASK_FOR_REPEAT = (
     "Nothing shows a lag that is always in one direction yet: drive to an earlier pose again from the other side, "
     "let the arm come to rest, and capture the sphere once more."

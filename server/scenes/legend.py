@@ -72,7 +72,7 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         )
     if facts.field is not None and layers is not None and "field" in layers:
         low, high = facts.field.range_mm
-        parts.append(f"<div>{_head(message('One scan over the table, k = 2'))}{_bar(VIRIDIS)}")
+        parts.append(f"<div>{_head(message('One scan of the object, k = 2'))}{_bar(VIRIDIS)}")
         ends = (number_text(one, decimals_of_uncertainty(low)) for one in (low, high))
         parts.append(f'<div class="ticks">{"".join(f"<span>±{end} mm</span>" for end in ends)}</div></div>')
     if facts.compared and layers is not None and "answers" in layers:

@@ -32,10 +32,10 @@ _STORIES: dict[tuple[str, Side], Story] = {
     ),
     ("sphere", "result"): _story("Sphere", "sphere points uncertainty"),
     ("sphere-on-table", "measure"): _story(
-        "Table", "table table-so-far circles places live", "ghost turned uncertainty frames points"
+        "Axes", "table table-so-far circles places live", "ghost turned uncertainty frames points"
     ),
-    ("sphere-on-table", "result"): _story("Table", "table circles places", "points turned uncertainty field"),
-    ("object", "measure"): _story("Table", "table scans live", "turned"),
+    ("sphere-on-table", "result"): _story("Axes", "table circles places", "points turned uncertainty field"),
+    ("object", "measure"): _story("Axes", "table scans live", "turned"),
     ("object", "result"): _story("Object", "scans"),
     ("answers", "result"): _story("Answers", "answers"),
 }

@@ -15,7 +15,7 @@ from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable import TableFacts
 
 VIEWS = templates((
-    "Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers",
+    "Captures", "Cell", "Sphere", "Axes", "Object", "Camera", "Top", "Side", "Along laser", "Answers",
 ))  # fmt: skip
 FIELD_OF_VIEW_RAD = 0.75
 
@@ -51,7 +51,7 @@ class View:
 def first_view(facts: SceneFacts) -> str:
     """Return the name of the view in which a scene opens: what was done last of the calibration."""
     if facts.merged is not None:
-        return "Table"
+        return "Axes"
     return "Camera" if facts.optics is not None and not facts.captures else "Captures"
 
 
@@ -62,8 +62,8 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
     """Return a view by its name.
 
     "Captures" shows sphere, scanner and flanges, "Cell" the robot's base as well, "Sphere" the sphere from near,
-    "Table" the turntable with what stands on it, "Object" the merged cloud from near, "Camera" the camera with its
-    boards and plane of light, and "Along laser" looks as the scanner does at the picked or the first capture.
+    "Axes" those under the object with what they carry, "Object" the merged cloud from near, "Camera" the camera,
+    its boards and plane of light, and "Along laser" looks as the scanner does at the picked or the first capture.
     """
     if name == "Along laser":
         along = _along_laser(facts, picked)
@@ -71,7 +71,7 @@ def view(name: str, facts: SceneFacts, picked: str | None = None) -> View:
             return along
     if name == "Sphere" and facts.sphere_center_in_base_mm is not None:
         return _around(facts.sphere_center_in_base_mm[None], _ISOMETRIC, 1.2 * (facts.sphere_radius_mm or 20.0))
-    if name == "Table" and (table := _table_places_mm(facts)) is not None:
+    if name == "Axes" and (table := _table_places_mm(facts)) is not None:
         return _around(table, _ISOMETRIC)
     if name == "Object" and (scanned := _object_places_mm(facts)) is not None:
         return _around(scanned, _ISOMETRIC)
@@ -94,7 +94,7 @@ def views_of(facts: SceneFacts) -> list[str]:
     """Return the names of the views that there is something to see in."""
     there = {
         "Sphere": facts.sphere_center_in_base_mm is not None,
-        "Table": _table_places_mm(facts) is not None,
+        "Axes": facts.table is not None or facts.table_so_far is not None,
         "Object": _object_places_mm(facts) is not None,
         "Camera": facts.optics is not None,
         "Along laser": _along_laser(facts, None) is not None,

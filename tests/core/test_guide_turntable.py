@@ -145,6 +145,16 @@ def test_a_tool_that_was_given_needs_no_chain(cell: Session) -> None:
     assert guided(session, {"turntable": result_of(session, "turntable")}).current.step == "scan"
 
 
+def test_a_slide_is_drawn_as_one() -> None:
+    made = simulate("slide", 1).session
+    still = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    known = made.cell.known.model_copy(update={"tool0_from_laser": still})
+    moved = [one for one in made.captures if one.step == "turntable"][:2]
+    session = made.model_copy(update={"captures": moved, "cell": made.cell.model_copy(update={"known": known})})
+    now = guided(session).current
+    assert (now.step, now.drawing) == ("turntable", "slide")
+
+
 def frames(camera: int, plane: int, board: bool = True) -> Session:
     captures = [
         {"id": f"{step[0]}{k:02d}", "step": step, "kind": "frame", "files": [f"captures/{step[0]}{k:02d}.png"]}

@@ -282,7 +282,7 @@ def test_the_cloud_is_read_once_and_again_after_another_merge() -> None:
 def test_the_view_of_the_object_holds_it_and_little_else() -> None:
     facts = scene_facts(fused_scene())
     assert facts.table is not None
-    seen, table = view("Object", facts), view("Table", facts)
+    seen, table = view("Object", facts), view("Axes", facts)
     corners = facts.table.base_from_turntable.apply(CLOUD) / 1000 - seen.position_m
     ahead = seen.look_at_m - seen.position_m
     angles = np.arccos(corners @ ahead / np.linalg.norm(corners, axis=1) / np.linalg.norm(ahead))
@@ -301,7 +301,7 @@ def test_the_view_of_a_held_part_is_where_it_is_drawn() -> None:
     seen = view("Object", held)
     assert np.linalg.norm(root) > 0.3  # m: where the flange was, far from base
     assert np.linalg.norm(seen.look_at_m - root) < 0.15
-    np.testing.assert_allclose(view("Table", replace(held, table=None)).look_at_m, seen.look_at_m, atol=0.05)
+    np.testing.assert_allclose(view("Axes", replace(held, table=None)).look_at_m, seen.look_at_m, atol=0.05)
 
 
 def test_heights_run_from_dark_to_light() -> None:

@@ -51,7 +51,7 @@ def test_its_legend_is_told_with_the_tables_result_alone(solved: tuple[SceneInpu
     low, high = facts.field.range_mm if facts.field else (0.0, 0.0)
     assert f"±{low:.2f} mm</span><span>±{high:.2f} mm" in legend_html(facts, look_at(facts), told)
     measuring = story("sphere-on-table", "measure", facts).layers
-    assert "over the table" not in legend_html(facts, look_at(facts), measuring)
+    assert "One scan of" not in legend_html(facts, look_at(facts), measuring)
 
 
 def test_a_stale_answer_has_none(solved: tuple[SceneInput, ChainResult]) -> None:

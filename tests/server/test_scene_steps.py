@@ -357,8 +357,8 @@ def test_merged_scans_lie_on_each_other_in_the_tables_frame_and_turn_with_it() -
     turned = drawn(facts, "s2", alone=True)
     assert turned["/scans/merged"].place() != nodes["/scans/merged"].place()
     assert turned["/scans/merged/0"].fingerprint() == cloud.fingerprint()  # only its frame moves
-    assert first_view(facts) == "Table"
-    camera = view("Table", facts)
+    assert first_view(facts) == "Axes"
+    camera = view("Axes", facts)
     ahead = (camera.look_at_m - camera.position_m) / np.linalg.norm(camera.look_at_m - camera.position_m)
     to_part = TABLE.apply(part) / 1000 - camera.position_m
     angles = np.arccos(to_part @ ahead / np.linalg.norm(to_part, axis=1))

@@ -22,7 +22,7 @@ export class DrawingElement extends HTMLElement {
   static names = new Set([
     "cell", "files", "rest", "tcp-first", "tcp-shift", "tcp-turn", "tcp-solve", "tcp-done",
     "ball-first", "ball-shift", "ball-turn", "ball-done",
-    "turntable-first", "turntable-turn", "turntable-height", "turntable-solve", "turntable-done", "chain-solve",
+    "turntable-first", "turntable-turn", "turntable-height", "turntable-solve", "turntable-done", "slide", "chain-solve",
     "scan-first", "scan-around", "merge-solve", "merge-done",
     "board-views", "board-stripe", "board-solve",
   ]);

@@ -18,7 +18,7 @@ from calib_core.guidance.sphere_guess import SeenCenter, probable_place
 from calib_core.messages import Message, message, sentences
 from calib_core.records import Capture, Cell, GuideNow, Measured
 from calib_core.stages.guide import GuideView
-from calib_core.stages.reviewed import as_sentence, review, suggested
+from calib_core.stages.reviewed import OF_BALL, as_sentence, review, suggested
 from calib_core.stages.tcp.instructions import (
     SOLVE,
     contradicted,
@@ -39,14 +39,6 @@ from calib_core.stages.tcp.motion import (
 )
 from calib_core.stages.turntable.guide import wants_turntable
 
-_OF_BALL = {
-    "tcp-first": "ball-first",
-    "tcp-shift": "ball-shift",
-    "tcp-turn": "ball-turn",
-    "tcp-solve": "ball-turn",
-    "tcp-done": "ball-done",
-}
-"""Drawings of a ball that the flange carries."""
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
 _MANY = 12  # so many captures of different orientations do without pure translations
 
@@ -68,7 +60,7 @@ def guide(view: GuideView) -> GuideNow | None:
         now = now.model_copy(update={"progress": progress})
     if now is None or not ball_on_flange(view.session.cell):
         return now
-    drawing = _OF_BALL.get(now.drawing, now.drawing)
+    drawing = OF_BALL.get(now.drawing, now.drawing)
     words = "Solve where the scanner stands." if now.instruction == SOLVE else now.instruction
     return now.model_copy(update={"drawing": drawing, "instruction": words})
 

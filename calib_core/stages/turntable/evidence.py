@@ -42,9 +42,9 @@ COLUMNS = (
 
 def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
     """Return the turntable told in blocks, the answer first."""
-    places = workpiece_places(session, result)
+    places, carrier = workpiece_places(session, result), carrier_name(result)
     return [
-        *workpiece_headline(places),
+        *workpiece_headline(places, "On the table" if carrier == message("Turntable") else "On the axes"),
         *axis_sigmas(result),
         captures_used(result),
         table_frame(session, result, result.covariance),
@@ -52,7 +52,7 @@ def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
         *axis_figures(result),
         *axes_table(result, shown_already=1),
         *mountings(result),
-        *workpiece_table(places, carrier_name(result)),
+        *workpiece_table(places, carrier),
         *residual_plot(result.residuals),
         *wobble(result.residuals),
         *circles(result),
