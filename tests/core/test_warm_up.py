@@ -1,5 +1,6 @@
 """Drift within a session: found with its size and its course where there is one, and not where there is none."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -15,6 +16,7 @@ from calib_core.review.drift import cell_drift
 from calib_core.simulation.motion import FloatArray, pose
 from calib_core.stages.pipeline import run, stage_input
 from calib_core.stages.tcp.record import SessionDrift, TcpResult
+from calib_core.stages.tcp.result import solution_findings
 from calib_core.stages.tcp.solve import solve_tcp_captures
 from calib_core.stages.tcp.warm_up import session_drift
 from tests.trouble import Trouble, Troubled, all_troubles, troubled
@@ -87,6 +89,17 @@ def test_a_drift_that_the_uncertainty_covers_is_a_note() -> None:
     assert drift(result).found
     assert drift(result).sentence in result.notes
     assert result.verdict == "pass"
+
+
+def test_it_is_not_said_of_captures_that_do_not_fit_together() -> None:
+    cell = warming(0.6, 0.2, 0)
+    given = stage_input(cell.session, "tcp", cell.files.__getitem__)
+    solution = solve_tcp_captures(given).solution
+    assert {"drift-in-session", "drift-covered"} & {one.code for one in solution_findings(solution)}
+    hopeless = replace(solution, joint=replace(solution.joint, center_scatter_rms_mm=30.0))
+    said = {one.code for one in solution_findings(hopeless)}
+    assert "poses-do-not-fit" in said
+    assert not {"drift-in-session", "drift-covered", "poses-lag"} & said
 
 
 def test_its_plot_is_over_time_where_captures_have_one() -> None:

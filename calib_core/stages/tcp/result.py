@@ -16,7 +16,7 @@ from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp_solution import TcpSolution
 from calib_core.chain.undetermined import about_travel, without_turns
-from calib_core.findings import Finding, judgement, reasons_of
+from calib_core.findings import Finding, has, judgement, reasons_of
 from calib_core.findings.codes import tcp as codes
 from calib_core.frame_graph import apart_moves
 from calib_core.frames import FloatArray, RigidTransform
@@ -79,10 +79,15 @@ def tcp_result(
 def solution_findings(
     solution: TcpSolution, captures: Sequence[Capture] = (), with_table: bool = False
 ) -> list[Finding]:
-    """Return what a solution shows, its drift and what it has no room for too."""
-    more = [_bent(bend) for bend in solution.beside.bends]
-    more += [solution.beside.unmodelled.finding] if solution.beside.unmodelled else []
-    return [*tcp_findings(solution, captures, with_table), *drift_findings(solution), *more]
+    """Return what a solution shows, its drift and what it has no room for too.
+
+    Where nothing fits, drift and lag are what a wrong answer leaves, of any size.
+    """
+    found, bends = tcp_findings(solution, captures, with_table), [_bent(bend) for bend in solution.beside.bends]
+    if has(found, codes.POSES_DO_NOT_FIT):
+        return [*found, *bends]
+    lag = solution.beside.unmodelled
+    return [*found, *drift_findings(solution), *bends, *([lag.finding] if lag else [])]
 
 
 def _bent(bend: Bend) -> Finding:
