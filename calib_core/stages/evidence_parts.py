@@ -5,11 +5,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from calib_core.cell.titles import step_title
 from calib_core.evidence.numbers import decimals_of, number_text, plus_minus, quantity
 from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
 from calib_core.messages import message, templates
-from calib_core.records import CaptureResidual, Result, Session, VarianceComponents
+from calib_core.records import CaptureResidual, Cell, Result, Session, VarianceComponents
 from calib_core.records.evidence import (
     AnyBlock,
     Axis,
@@ -55,9 +56,10 @@ def captures_used(result: Result) -> Figure:
     )
 
 
-def source_text(name: str) -> str:
-    """Return where a tool comes from: what its stage's result is called, or that it is given."""
-    return next((stage.title for stage in declared_stages() if stage.name == name), message("given"))
+def source_text(name: str, cell: Cell) -> str:
+    """Return where a tool comes from: what its stage's result is called in a cell, or that it is given."""
+    titles = (stage.title for stage in declared_stages() if stage.name == name)
+    return step_title(cell, name) or next(titles, message("given"))
 
 
 def left_out(rows: Sequence[CaptureResidual]) -> list[AnyBlock]:

@@ -49,6 +49,8 @@ def test_a_part_that_the_robot_holds_is_merged_in_the_flanges_frame() -> None:
     merged = results["merge"]
     assert merged.verdict != "fail", merged.warnings
     assert merged.frame == "tool0"
+    told = {block.label: block.text for block in merged.evidence if block.kind == "figure"}
+    assert told["Calibration from"] == "Scanner in base"
     assert all(row.used for row in merged.residuals)
     assert merged.overlap_rms_mm < 2 * merged.expected_overlap_rms_mm
     low, high = np.array(merged.low_mm), np.array(merged.high_mm)

@@ -13,13 +13,13 @@ from calib_core.stages.merge.record import Alignment, Deviation, MergeResidual, 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
 
 
-def evidence(_session: Session, result: MergeResult) -> list[AnyBlock]:
+def evidence(session: Session, result: MergeResult) -> list[AnyBlock]:
     """Return the merge told in blocks, the answer first."""
     return [
         *_headline(result),
         captures_used(result),
         *_apart(result),
-        *_cloud(result),
+        *_cloud(session, result),
         *_nominal(result),
         *_scan_plot(result),
         *left_out(result.residuals),
@@ -95,7 +95,7 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
     return blocks
 
 
-def _cloud(result: MergeResult) -> list[AnyBlock]:
+def _cloud(session: Session, result: MergeResult) -> list[AnyBlock]:
     sides = zip(result.low_mm, result.high_mm, strict=True)
     size = " × ".join(number_text(high - low, 1) for low, high in sides)
     figures: list[AnyBlock] = [
@@ -109,7 +109,7 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
         remark = message("watertight") if not result.mesh_open_edges else ""
         figures.append(Figure(label="Open edges", quantity=fixed(result.mesh_open_edges, 0), remark=remark))
     if result.calibrated_by is not None:
-        figures.append(Figure(label="Calibration from", text=source_text(result.calibrated_by)))
+        figures.append(Figure(label="Calibration from", text=source_text(result.calibrated_by, session.cell)))
     return figures
 
 

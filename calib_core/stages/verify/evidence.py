@@ -45,7 +45,7 @@ def evidence(session: Session, result: VerifyResult) -> list[AnyBlock]:
     return [
         *_decision(result),
         *_scatter(result),
-        Figure(label="Verified", text=source_text(result.verified)),
+        Figure(label="Verified", text=source_text(result.verified, session.cell)),
         captures_used(result),
         *_chance(result),
         *_checks(result),
