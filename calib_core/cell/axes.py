@@ -103,13 +103,21 @@ def read_axes(cell: Cell, capture: Capture) -> dict[str, float]:
 
 
 def axis_of_mounts(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
-    """Return which axis carries the ball of each mounting: the last one that moved between its captures."""
+    """Return which axis carries the ball of each mounting: the last one that moved between its captures.
+
+    Of a ball that is told to be on an axis, that one and those that it stands on count alone.
+    """
     carrying = [axis.name for axis in moved_axes(cell) if axis.carries == "object"]
+    stands_on = {axis.name: axis.on for axis in moved_axes(cell)}
+    told = {ball.name: ball.on or "" for ball in cell.spheres or []}
     found: dict[str, str] = {}
     for mount in dict.fromkeys(capture.mount or "" for capture in captures if carrying):
+        way, end = list[str](), told.get(mount, "")
+        while end in carrying:
+            way, end = [end, *way], stands_on[end]
         stood = [readings(one) for one in captures if (one.mount or "") == mount]
-        moved = [name for name in carrying if len({where.get(name) for where in stood}) > 1]
-        found[mount] = (moved or carrying)[-1]
+        moved = [name for name in way or carrying if len({where.get(name) for where in stood}) > 1]
+        found[mount] = (moved or way or carrying)[-1]
     return found
 
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.cell.axes import axis_of_mounts
 from calib_core.exports.workpiece import point_jacobian
 from calib_core.findings import Finding
 from calib_core.frames import RigidTransform
-from calib_core.records import Session
+from calib_core.records import Session, Sphere
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.stages.chain.record import ChainResult
@@ -89,3 +90,26 @@ def test_balls_on_every_table_are_told_where_they_are_on_it(stage: str) -> None:
         assert off @ np.linalg.solve(spread, off) < 16.3, name  # χ² of three, 99.9 %; apart both are wider
         assert np.sqrt(np.trace(spread)) < 1.0, name
         assert ball.captures, name
+
+
+def test_a_ball_told_to_be_on_a_table_is_there_though_the_other_turned_meanwhile() -> None:
+    session, files, _ = simulate_topology(TWO, "two-tables", 1)
+    carriers = axis_of_mounts(session.cell, [one for one in session.captures if one.step == "turntable"])
+    assert {*carriers.values()} == {"one", "two"}
+    angles = np.random.default_rng(1).uniform(-180.0, 180.0, len(session.captures)).tolist()
+    captures = [
+        one.model_copy(update={"axes_deg": {"one": angle, "two": angle, own: (one.axes_deg or {})[own]}})
+        if one.step == "turntable" and (own := carriers[one.mount or ""])
+        else one
+        for one, angle in zip(session.captures, angles, strict=True)
+    ]
+    told = [Sphere(name=mount, on=axis) for mount, axis in carriers.items()]
+    cell = session.cell.model_copy(update={"spheres": [*told, Sphere(name="still", on="base")]})
+    found = [
+        solve_stage(session.model_copy(update=update), "turntable", files.__getitem__)
+        for update in ({"cell": cell}, {"cell": cell, "captures": captures})
+    ]
+    apart, together = ({axis.name: axis for axis in one.axes} for one in found)
+    assert apart.keys() == together.keys()
+    for name, axis in apart.items():
+        assert np.allclose(axis.axis_direction, together[name].axis_direction, atol=1e-7)
