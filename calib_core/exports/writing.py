@@ -49,9 +49,9 @@ class NumberedSettings(ControllerSettings):
     frame: int = Field(default=1, ge=0, le=999)
     scanner_frame: int | None = Field(default=None, ge=0, le=999)
 
-    def of_fixed_scanner(self, with_table: bool) -> Self:
-        """Return them with the user frame of a scanner that stands still; left out, the one after the table's."""
-        number = self.frame + with_table if self.scanner_frame is None else self.scanner_frame
+    def of_fixed_scanner(self, before: int) -> Self:
+        """Return them with the user frame of a scanner that stands still; left out, the one after those before."""
+        number = self.frame + before if self.scanner_frame is None else self.scanner_frame
         return self.model_copy(update={"frame": number})
 
     def of_one(self, which: int, name: str) -> Self:
@@ -71,10 +71,10 @@ class NamedSettings(ControllerSettings):
     frame: Name = "fTable"
     scanner_frame: Name = "fScanner"
 
-    def of_fixed_scanner(self, with_table: bool) -> Self:
+    def of_fixed_scanner(self, before: int) -> Self:
         """Return them with the user frame of a scanner that stands still."""
         named = "frame" in self.model_fields_set and "scanner_frame" not in self.model_fields_set
-        return self if named and not with_table else self.model_copy(update={"frame": self.scanner_frame})
+        return self if named and not before else self.model_copy(update={"frame": self.scanner_frame})
 
     def of_one(self, which: int, name: str) -> Self:
         """Return them with the tool, and user frame, that are called after one of several scanners."""
@@ -148,7 +148,7 @@ def frames_written(answer: Answer, settings: Any, convention: str, default: Part
         if frame.into == "tool0":
             yield Written("tool", pose, own, called if name else "")
         else:
-            own = own.of_fixed_scanner(with_table)
+            own = own.of_fixed_scanner(frames)
             frames += 1
             yield Written("frame", pose, own, f"{called}, which stands still: its frame in base")
     if with_table:

@@ -9,6 +9,7 @@ import pytest
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import answer_of
 from calib_core.exports.export import export
+from calib_core.exports.writing import NumberedSettings
 from calib_core.frames import RigidTransform
 from calib_core.review.answer import answer_record
 from calib_core.robots import parse_pose
@@ -176,3 +177,11 @@ def test_scanners_are_told_by_the_stage_that_answers_whatever_was_solved_first()
     cell = SESSION.cell.model_copy(update={"scanners": {"left": {}, "right": {"on": "base"}}})
     told = answer_record(answer_of(SESSION.model_copy(update={"cell": cell}), both)).to_json()
     assert [frame["matrix"] for frame in told["frames"]] == [frame["matrix"] for frame in chain["frames"]]
+
+
+def test_each_of_several_scanners_that_stand_still_has_a_user_frame_of_its_own() -> None:
+    settings = NumberedSettings(frame=3)
+    numbers = [settings.of_one(k, name).of_fixed_scanner(1 + k).frame for k, name in enumerate(("left", "right"))]
+    assert numbers == [4, 5]
+    told = settings.model_copy(update={"scanner_frame": 7})
+    assert [told.of_one(k, "x").of_fixed_scanner(1 + k).frame for k in (0, 1)] == [7, 8]

@@ -11,9 +11,9 @@ from calib_core.exports.writing import ControllerSettings, frames_written, liste
 class PlainSettings(ControllerSettings):
     """What is written; a program has one user frame."""
 
-    def of_fixed_scanner(self, with_table: bool) -> Self:
+    def of_fixed_scanner(self, before: int) -> Self:
         """Return them; raises ConflictError where the table would be written into the same user frame."""
-        if with_table:
+        if before:
             need = "part tool or table: a program has one $UFRAME, for the scanner or for the turntable"
             raise ConflictError(need, "both", "Export each with its own part.", "part")
         return self

@@ -12,7 +12,7 @@ from calib_core.messages import message
 class PlainSettings(ControllerSettings):
     """What is written; programs have no statement for a user frame."""
 
-    def of_fixed_scanner(self, with_table: bool) -> Self:
+    def of_fixed_scanner(self, before: int) -> Self:
         """Raise ConflictError."""
         to_do = "Set the work coordinate on the teaching box by the numbers of `scancell answer`."
         raise ConflictError("a scanner on the flange", "one that stands still", to_do, "part")
